@@ -1,0 +1,8 @@
+"""The one exception that means "your input, not our bug"."""
+
+
+class InputError(ValueError):
+    """Bad input: the message is one line that says what is wrong, where, and what to do.
+
+    The command line prints it without a traceback and exits with code 2.
+    """

@@ -1,0 +1,1 @@
+"""Mitsuba plugins, one algorithm a file; :mod:`stratalux.plugins` registers them."""

@@ -1,0 +1,154 @@
+"""What every direct-light integrator of ours shares: everything but the light of the environment map."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+
+class DirectIntegrator(mi.SamplingIntegrator):
+    """Camera ray, visible emitters, and the emitters that Mitsuba samples; the map's light is left to a subclass.
+
+    A subclass implements ``prepare(scene)``, which returns what ``environment_light`` needs, or None if the scene has
+    no environment map, and ``environment_light`` itself.
+    """
+
+    def prepare(self, scene: mi.Scene) -> Any:
+        raise NotImplementedError
+
+    def environment_light(
+        self,
+        scene: mi.Scene,
+        prepared: Any,
+        sampler: mi.Sampler,
+        si: mi.SurfaceInteraction3f,
+        bsdf: mi.BSDFPtr,
+        active: mi.Bool,
+    ) -> mi.Spectrum:
+        """Direct light of the environment map at ``si`` from smooth lobes."""
+        raise NotImplementedError
+
+    def sample(
+        self,
+        scene: mi.Scene,
+        sampler: mi.Sampler,
+        ray: mi.RayDifferential3f,
+        medium: mi.Medium | None = None,
+        active: mi.Bool | bool = True,
+    ) -> tuple[mi.Spectrum, mi.Bool, list[mi.Float]]:
+        """Radiance along ``ray``, whether it hit something, and no AOVs (Mitsuba's integrator interface)."""
+        prepared = self.prepare(scene)
+        others = OtherEmitters(scene, prepared is not None)
+        active = mi.Bool(active)
+        si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=active)
+        L = mi.Spectrum(0)
+
+        # ----------------------- Visible emitters -----------------------
+        if self.hide_emitters:
+            hidden = active & si.is_valid() & (si.shape.emitter() != None)  # noqa: E711
+            behind = self.skip_area_emitters(scene, si.spawn_ray(ray.d), True, hidden)
+            si = dr.select(hidden, behind.compute_surface_interaction(ray, mi.RayFlags.All, hidden), si)
+        else:
+            L += si.emitter(scene, active).eval(si, active)
+        valid = active & si.is_valid()
+
+        bsdf = si.bsdf(ray)
+        smooth = valid & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+        if prepared is not None:
+            L += self.environment_light(scene, prepared, sampler, si, bsdf, smooth)
+        if others.lights:
+            L += others.emitter_sampling(scene, sampler, si, bsdf, smooth)
+        if others.lights or _has_delta(scene):
+            L += others.bsdf_sampling(scene, sampler, si, bsdf, valid)
+        return L, valid, []
+
+
+class OtherEmitters:
+    """All emitters but the environment map, sampled as Mitsuba's ``direct`` does: one emitter and one BSDF sample.
+
+    Delta lobes reflect the environment map as well, and only a BSDF sample can find it.
+    """
+
+    def __init__(self, scene: mi.Scene, environment_apart: bool) -> None:
+        self.environment = scene.environment() if environment_apart else None
+        self.lights = [e for e in scene.emitters() if e is not self.environment]
+        if self.lights:
+            weights = [e.sampling_weight() for e in self.lights]
+            self._pointers = mi.EmitterPtr(*self.lights) if False else _pointers(self.lights)
+            self._distribution = mi.DiscreteDistribution(weights)
+
+    def emitter_sampling(
+        self, scene: mi.Scene, sampler: mi.Sampler, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool
+    ) -> mi.Spectrum:
+        index, pmf = self._distribution.sample_pmf(sampler.next_1d(active), active)
+        emitter = dr.gather(mi.EmitterPtr, self._pointers, index, active)
+        ds, weight = emitter.sample_direction(si, sampler.next_2d(active), active)
+        active = active & (ds.pdf != 0)
+        active &= ~scene.ray_test(si.spawn_ray_to(ds.p), active)
+        wo = si.to_local(ds.d)
+        value, bsdf_pdf = bsdf.eval_pdf(mi.BSDFContext(), si, wo, active)
+        mis = dr.select(ds.delta, 1, power_heuristic(ds.pdf * pmf, bsdf_pdf))
+        return dr.select(active, mis * value * weight / pmf, 0)
+
+    def bsdf_sampling(
+        self, scene: mi.Scene, sampler: mi.Sampler, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool
+    ) -> mi.Spectrum:
+        bs, weight = bsdf.sample(
+            mi.BSDFContext(), si, sampler.next_1d(active), sampler.next_2d(active), active
+        )
+        delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+        active = active & dr.any(weight != 0)
+        if not self.lights:
+            active &= delta
+        hit = scene.ray_intersect(si.spawn_ray(si.to_world(bs.wo)), active)
+        emitter = hit.emitter(scene, active)
+        active &= emitter != None  # noqa: E711
+        environment = active & (emitter == mi.EmitterPtr(self.environment)) if self.environment else mi.Bool(False)
+        # The environment map's light through smooth lobes is complete without this sample.
+        active &= delta | ~environment
+        ds = mi.DirectionSample3f(scene, hit, si)
+        pdf = mi.Float(0)
+        if self.lights:
+            pmf = emitter.sampling_weight() * self._distribution.normalization()
+            pdf = dr.select(delta, 0, emitter.pdf_direction(si, ds, active & ~delta) * pmf)
+        value = emitter.eval(hit, active)
+        return dr.select(active, weight * value * power_heuristic(bs.pdf, pdf), 0)
+
+
+def _pointers(emitters: list[mi.Emitter]) -> mi.EmitterPtr:
+    pointers = dr.zeros(mi.EmitterPtr, len(emitters))
+    for i, emitter in enumerate(emitters):
+        dr.scatter(pointers, mi.EmitterPtr(emitter), mi.UInt32(i))
+    return pointers
+
+
+def _has_delta(scene: mi.Scene) -> bool:
+    """Whether any surface of the scene has a delta lobe."""
+    return any(
+        mi.has_flag(mi.BSDFFlags(0) | shape.bsdf().flags(), mi.BSDFFlags.Delta)
+        for shape in scene.shapes()
+        if shape.bsdf() is not None
+    )
+
+
+def power_heuristic(a: mi.Float, b: mi.Float) -> mi.Float:
+    """Veach's power heuristic for one sample of density ``a`` against one of density ``b``, β = 2."""
+    ratio = b / a
+    return dr.select(a > 0, dr.rcp(1 + ratio * ratio), 0)
+
+
+def target(g: mi.Spectrum) -> mi.Float:
+    """The scalar q that resampling follows: luminance in RGB, mean over the wavelengths otherwise; 0 only where g is."""
+    if mi.is_rgb:
+        return mi.luminance(g)
+    return dr.mean(g)
+
+
+def positive_int(props: mi.Properties, name: str, default: int) -> int:
+    """An integer property of at least 1; raises ValueError that names it."""
+    value = props.get(name, default)
+    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
+        raise ValueError(f"{props.plugin_name()}: '{name}' is {value!r}; give an integer of at least 1")
+    return value

@@ -1,0 +1,113 @@
+"""Median cut: equal-energy rectangles (Debevec 2005; the paper's section 3.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .envmap import EnvironmentMap
+from .errors import InputError
+from .regions import Regions
+
+_NOISE = 1e-12
+"""Energies below this fraction of the whole map's are rounding noise of the summed-area table, hence zero."""
+
+
+def median_cut(environment: EnvironmentMap, n: int) -> Regions:
+    """Cut the map into ``n`` rectangles of nearly equal energy.
+
+    Round by round, every region is cut in two along its longer side (a width counts times the sine of the polar angle
+    of the region's centre), where the two energies differ least. If a full round would make more than ``n`` regions,
+    only those with the most energy are cut. A region that cannot be cut into two parts with energy is left as it is,
+    so the result may have fewer than ``n`` regions. Regions are in the order of the tree of cuts.
+
+    Raises :class:`InputError` if ``n`` < 1.
+    """
+    if n < 1:
+        raise InputError(f"number of regions: {n} is too few; give at least 1")
+    table = summed_area_table(environment.cell_energy)
+    height, width = environment.height, environment.width
+    bounds = np.array([[0, height - 1, 0, width]], dtype=np.int64)
+    closed = np.zeros(1, dtype=bool)  # regions known to be uncuttable
+    while len(bounds) < n and not closed.all():
+        chosen = np.flatnonzero(~closed)
+        if len(bounds) + len(chosen) > n:
+            energy = _energy(table, bounds[chosen])
+            chosen = np.sort(chosen[np.argsort(-energy, kind="stable")[: n - len(bounds)]])
+        first, second, cuttable = _cut(table, bounds[chosen], (height, width))
+        closed[chosen[~cuttable]] = True
+        chosen, first, second = chosen[cuttable], first[cuttable], second[cuttable]
+        bounds[chosen] = first
+        bounds = np.insert(bounds, chosen + 1, second, axis=0)
+        closed = np.insert(closed, chosen + 1, False)
+    return Regions(bounds, np.maximum(_energy(table, bounds), 0), (height, width))
+
+
+def summed_area_table(cells: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Table (h + 1, w + 1) whose entry (i, j) is the sum of ``cells[:i, :j]`` (Crow 1984), float64."""
+    table = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1))
+    np.cumsum(cells, axis=1, out=table[1:, 1:])
+    for i in range(1, len(table)):  # row by row: many times faster than a strided cumsum on large maps
+        table[i] += table[i - 1]
+    return table
+
+
+def _energy(table: NDArray[np.float64], bounds: NDArray[np.int64]) -> NDArray[np.float64]:
+    y0, y1, x0, x1 = bounds.T
+    return table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0]
+
+
+def _cut(
+    table: NDArray[np.float64], bounds: NDArray[np.int64], shape: tuple[int, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Both halves of each region, and whether it could be cut at all."""
+    y0, y1, x0, x1 = bounds.T
+    height, width = shape
+    extent_y = (y1 - y0) / (height - 1)
+    extent_x = 2 * (x1 - x0) / width * np.sin(np.pi * (y0 + y1) / 2 / (height - 1))
+    vertical = extent_x >= extent_y  # the cut runs vertically, across the width
+    at, cuttable = _best_cut(table, bounds, vertical)
+    retry = np.flatnonzero(~cuttable)
+    if len(retry):
+        vertical = vertical.copy()
+        vertical[retry] ^= True
+        at[retry], cuttable[retry] = _best_cut(table, bounds[retry], vertical[retry])
+    first, second = bounds.copy(), bounds.copy()
+    first[vertical, 3] = second[vertical, 2] = at[vertical]
+    first[~vertical, 1] = second[~vertical, 0] = at[~vertical]
+    return first, second, cuttable
+
+
+def _best_cut(
+    table: NDArray[np.float64], bounds: NDArray[np.int64], vertical: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Where to cut each region along the given axis so that the energies of the halves differ least.
+
+    All regions at once: a bisection for the first position at which half of the energy is reached. The best cut is
+    there or one before, and both halves must have energy.
+    """
+    y0, y1, x0, x1 = bounds.T
+    low, high = np.where(vertical, x0, y0), np.where(vertical, x1, y1)
+    noise = _NOISE * table[-1, -1]
+    total = _energy(table, bounds)
+
+    def before(at: NDArray[np.int64]) -> NDArray[np.float64]:
+        part = bounds.copy()
+        part[:, 1] = np.where(vertical, y1, at)
+        part[:, 3] = np.where(vertical, at, x1)
+        return _energy(table, part)
+
+    below, reached = low.copy(), high.copy()
+    while np.any(reached - below > 1):
+        middle = (below + reached) // 2
+        enough = before(middle) >= total / 2
+        reached = np.where(enough, middle, reached)
+        below = np.where(enough, below, middle)
+
+    candidates = np.stack([reached, reached - 1])
+    energy = np.stack([before(at) for at in candidates])
+    valid = (candidates > low) & (candidates < high) & (energy > noise) & (total - energy > noise)
+    imbalance = np.where(valid, np.abs(2 * energy - total), np.inf)
+    best = imbalance.argmin(axis=0)
+    lanes = np.arange(len(bounds))
+    return candidates[best, lanes], valid[best, lanes]

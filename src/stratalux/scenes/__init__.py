@@ -1,0 +1,1 @@
+"""What gets rendered: Mitsuba XML files, meshes on a stage, and the built-in demo."""
