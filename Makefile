@@ -1,0 +1,57 @@
+# make          this help
+# make demo     a picture in out/demo.png, from a fresh clone
+# make test     everything that must pass before a commit
+
+VENV  := .venv
+BIN   := $(VENV)/bin
+STAMP := $(VENV)/.installed
+PYTHON ?=
+ARGS   ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help install llvm demo test test-slow bench lint format clean distclean
+.DELETE_ON_ERROR:
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+	@echo
+	@echo "  PYTHON=python3.12 chooses the interpreter, ARGS='-k name' goes to pytest or to the benchmark."
+
+install: $(STAMP) ## create .venv and install stratalux there, with its command .venv/bin/stratalux
+
+$(STAMP): pyproject.toml constraints.txt
+	@PYTHON='$(PYTHON)' scripts/bootstrap.sh venv $(VENV)
+	$(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+llvm: install ## make sure that Dr.Jit finds a shared LLVM library
+	@scripts/bootstrap.sh llvm $(VENV)
+
+demo: llvm ## render the demo scene to out/demo.exr and out/demo.png
+	@mkdir -p out
+	$(BIN)/stratalux render demo -o out/demo.exr -o out/demo.png
+
+test: lint llvm ## lint, type-check and run the tests
+	$(BIN)/python -m pytest $(ARGS)
+
+test-slow: llvm ## run the statistical tests that take minutes
+	$(BIN)/python -m pytest -m slow $(ARGS)
+
+bench: llvm ## measure efficiency against the baselines
+	$(BIN)/python benchmarks/efficiency.py $(ARGS)
+
+lint: install ## ruff and mypy, without changing a file
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: install ## let ruff fix and format the code
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean: ## remove outputs and caches
+	rm -rf out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+
+distclean: clean ## remove .venv too
+	rm -rf $(VENV)
