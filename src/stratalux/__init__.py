@@ -1,11 +1,54 @@
-"""Stratalux: the fastest unbiased way from an environment map to a clean image, on Mitsuba 3 and Dr.Jit."""
+"""Stratalux: the fastest unbiased way from an environment map to a clean image, on Mitsuba 3 and Dr.Jit.
+
+Importing the package registers its Mitsuba plugins; Mitsuba itself is imported only by what needs it.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
 
 from .envmap import EnvironmentMap, EnvironmentMapWarning
 from .errors import InputError
 from .median_cut import median_cut
 from .plugins import register_on_import
-from .regions import Regions, region_content
+from .regions import Regions, describe_regions, region_content
 
-__all__ = ["EnvironmentMap", "EnvironmentMapWarning", "InputError", "Regions", "median_cut", "region_content"]
+if TYPE_CHECKING:
+    from .rendering import RenderResult, render, render_passes
+    from .scenes.load import load_scene
+
+__all__ = [
+    "EnvironmentMap",
+    "EnvironmentMapWarning",
+    "InputError",
+    "Regions",
+    "RenderResult",
+    "describe_regions",
+    "load_scene",
+    "median_cut",
+    "region_content",
+    "render",
+    "render_passes",
+]
+
+__version__ = version("stratalux")
+
+_NEEDS_MITSUBA = {
+    "RenderResult": ".rendering",
+    "render": ".rendering",
+    "render_passes": ".rendering",
+    "load_scene": ".scenes.load",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _NEEDS_MITSUBA:
+        from importlib import import_module
+
+        value = globals()[name] = getattr(import_module(_NEEDS_MITSUBA[name], __name__), name)
+        return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 register_on_import()

@@ -11,8 +11,10 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from .envmap import EnvironmentMap, clean
+from .errors import InputError
 from .median_cut import median_cut
 from .regions import Regions
 from .sampling import RegionSampler
@@ -42,53 +44,55 @@ def image_emitter(scene: mi.Scene) -> mi.Emitter | None:
 
 
 class StrataCache:
-    """Strata of the last scene rendered, kept while its map stays the same."""
+    """Strata of the last map seen, kept while that map stays the same."""
 
     def __init__(self) -> None:
         self._key: tuple[Any, ...] | None = None
-        self._owner: tuple[Any, ...] = ()
+        self._held: Any = None
         self._built: tuple[Regions, RegionSampler] | None = None
 
     def get(self, emitter: mi.Emitter, n: int) -> Strata:
         """Strata of ``emitter`` cut into ``n`` regions.
 
-        Raises RuntimeError if the emitter's ``to_world`` is not orthonormal: Mitsuba's lookup makes no sense of it.
+        Raises :class:`InputError` if ``to_world`` is not orthonormal: Mitsuba's lookup makes no sense of it.
         """
-        params = mi.traverse(emitter)
-        rotation = np.array(dr.slice(params["to_world"].matrix) if dr.width(params["to_world"].matrix) else 0)[:3, :3]
-        if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3):
-            raise RuntimeError(
-                f"environment map '{emitter.id()}': to_world scales or shears; use rotations (and 'scale' for brightness)"
+        to_world = mi.traverse(emitter)["to_world"]
+        linear = to_world.matrix.numpy().reshape(4, 4)[:3, :3]
+        if not np.allclose(linear @ linear.T, np.eye(3), atol=1e-3):
+            raise InputError(
+                f"environment map '{emitter.id()}': to_world scales or shears; use rotations, and 'scale' for light"
             )
-        data = params["data"]
-        # The array is kept referenced, so a changed map cannot come back under the old index.
-        key = (emitter.ptr, data.array.index, tuple(data.shape), n)
-        if key != self._key:
-            texels = _rgb_texels(params)
-            regions = median_cut(EnvironmentMap(texels), n)
-            self._built = regions, RegionSampler(EnvironmentMap(texels), regions)
-            data = mi.traverse(emitter)["data"]
-            self._key, self._owner = (emitter.ptr, data.array.index, tuple(data.shape), n), (emitter, data.array)
-        assert self._built is not None
-        return Strata(emitter, *self._built, params["to_world"])
+        if self._built is None or self._key != _key(emitter, n):
+            environment = EnvironmentMap(_rgb_texels(emitter))
+            regions = median_cut(environment, n)
+            self._built = regions, RegionSampler(environment, regions)
+            # References of our own: neither the emitter's address nor the array's index goes to another meanwhile.
+            self._held = emitter, mi.Float(mi.traverse(emitter)["data"].array)
+            self._key = _key(emitter, n)
+        return Strata(emitter, *self._built, to_world)
 
 
-def _rgb_texels(params: mi.SceneParameters) -> np.ndarray:
+def _key(emitter: mi.Emitter, n: int) -> tuple[Any, ...]:
+    """Equal for equal maps: Dr.Jit gives every changed array a new index."""
+    data = mi.traverse(emitter)["data"]
+    return emitter.ptr, data.array.index, tuple(data.shape), n
+
+
+def _rgb_texels(emitter: mi.Emitter) -> NDArray[np.float32]:
     """What the density should follow, (H, W, 3), from the emitter's own storage; bad texels are repaired there too."""
-    stored = params["data"].numpy().astype(np.float32)
-    repaired = stored
-    if not mi.is_spectral:
-        repaired = clean(stored, "environment map of the scene")
-    elif not np.isfinite(stored).all():
-        raise RuntimeError("environment map of the scene: NaN or infinite texels; repair the file first")
-    if repaired is not stored:
-        params["data"] = mi.TensorXf(repaired)
-        params.update()
-    texels = repaired[:, 1:-1]  # without the halo columns
+    params = mi.traverse(emitter)
+    stored = params["data"].numpy()
     if mi.is_spectral:
         # Three coefficients of the upsampling model and a scale; their mean over wavelengths plays the luminance.
-        height, width, _ = texels.shape
-        coefficients = mi.Vector3f(*(mi.Float(texels[..., c].ravel()) for c in range(3)))
-        mean = mi.srgb_model_mean(coefficients).numpy().reshape(height, width)
-        texels = np.repeat((mean * np.maximum(texels[..., 3], 0))[..., None], 3, axis=2)
-    return np.ascontiguousarray(texels)
+        if not np.isfinite(stored).all():
+            raise InputError("environment map of the scene: NaN or infinite texels; repair the file first")
+        coefficients = mi.Vector3f(*(mi.Float(stored[..., c].ravel()) for c in range(3)))
+        mean = mi.srgb_model_mean(coefficients).numpy().reshape(stored.shape[:2])
+        stored = np.repeat((mean * np.maximum(stored[..., 3], 0))[..., None], 3, axis=2)
+    else:
+        repaired = clean(stored, "environment map of the scene")
+        if repaired is not stored:
+            params["data"] = mi.TensorXf(repaired)
+            params.update()
+            stored = repaired
+    return np.ascontiguousarray(stored[:, 1:-1])  # without the halo columns

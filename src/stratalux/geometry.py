@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.floating]
+FloatArray = NDArray[np.float64]
 
 LUMINANCE = np.array([0.212671, 0.715160, 0.072169], dtype=np.float32)
 """Rec. 709 luminance weights, those of Mitsuba's ``luminance()``."""

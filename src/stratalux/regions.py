@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,3 +88,28 @@ def region_content(environment: EnvironmentMap, regions: Regions) -> RegionConte
     length = np.linalg.norm(centroid, axis=1, keepdims=True)
     unit = np.divide(centroid, length, out=regions.centre.copy(), where=length > 0)
     return RegionContent(flux, unit)
+
+
+def describe_regions(environment: EnvironmentMap, regions: Regions) -> dict[str, Any]:
+    """The partition as plain numbers, ready for JSON.
+
+    For each region: ``texels`` x and y, first and last texel whose centres bound the rectangle (neighbours share them;
+    x = W is column 0 again); ``u`` and ``v``, the same in map coordinates; ``solid_angle`` in steradians; ``energy``,
+    ∫ luminance dω; ``mean_colour``, the mean radiance in linear RGB; ``direction``, the unit energy centroid in the
+    map's frame, y up.
+    """
+    height, width = regions.shape
+    content = region_content(environment, regions)
+    described = [
+        {
+            "texels": {"x": [x0, x1], "y": [y0, y1]},
+            "u": [(x0 + 0.5) / width, (x1 + 0.5) / width],
+            "v": [y0 / (height - 1), y1 / (height - 1)],
+            "solid_angle": float(regions.solid_angle[i]),
+            "energy": float(regions.energy[i]),
+            "mean_colour": (content.flux[i] / regions.solid_angle[i]).tolist(),
+            "direction": content.direction[i].tolist(),
+        }
+        for i, (y0, y1, x0, x1) in enumerate(regions.bounds.tolist())
+    ]
+    return {"width": width, "height": height, "regions": described}

@@ -87,7 +87,7 @@ def _integer_cdf(weights: NDArray[np.float64]) -> NDArray[np.uint32]:
 
 @dataclass
 class DirectionSample:
-    """``uv`` (Point2f): map coordinates. ``d`` (Vector3f): unit direction in the map's frame. ``pdf``: per steradian."""
+    """``uv`` (Point2f): map coordinates. ``d`` (Vector3f): unit direction, map's frame. ``pdf``: per steradian."""
 
     uv: mi.Point2f
     d: mi.Vector3f
@@ -153,7 +153,8 @@ class RegionSampler:
             self._index_map = mi.UInt32(self._regions.index_map().astype(np.uint32).ravel())
         u = dr.atan2(d.x, -d.z) * dr.inv_two_pi * self.width - 0.5
         u = dr.select(u < 0, u + self.width, u)
-        v = dr.safe_acos(d.y) * dr.inv_pi * (self.height - 1)
+        # The arc cosine would lose most of its digits near the poles.
+        v = dr.atan2(dr.sqrt(d.x * d.x + d.z * d.z), d.y) * dr.inv_pi * (self.height - 1)
         x = dr.minimum(mi.UInt32(u), self.width - 1)
         y = dr.minimum(mi.UInt32(v), self.height - 2)
         region = dr.gather(mi.UInt32, self._index_map, y * self.width + x, active)

@@ -73,17 +73,17 @@ class OtherEmitters:
 
     def __init__(self, scene: mi.Scene, environment_apart: bool) -> None:
         self.environment = scene.environment() if environment_apart else None
-        self.lights = [e for e in scene.emitters() if e is not self.environment]
+        weights = [0.0 if e is self.environment else float(dr.slice(e.sampling_weight(), 0)) for e in scene.emitters()]
+        self.lights = any(weights)
         if self.lights:
-            weights = [e.sampling_weight() for e in self.lights]
-            self._pointers = mi.EmitterPtr(*self.lights) if False else _pointers(self.lights)
+            self._emitters = scene.emitters_dr()
             self._distribution = mi.DiscreteDistribution(weights)
 
     def emitter_sampling(
         self, scene: mi.Scene, sampler: mi.Sampler, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool
     ) -> mi.Spectrum:
         index, pmf = self._distribution.sample_pmf(sampler.next_1d(active), active)
-        emitter = dr.gather(mi.EmitterPtr, self._pointers, index, active)
+        emitter = dr.gather(mi.EmitterPtr, self._emitters, index, active)
         ds, weight = emitter.sample_direction(si, sampler.next_2d(active), active)
         active = active & (ds.pdf != 0)
         active &= ~scene.ray_test(si.spawn_ray_to(ds.p), active)
@@ -95,9 +95,10 @@ class OtherEmitters:
     def bsdf_sampling(
         self, scene: mi.Scene, sampler: mi.Sampler, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool
     ) -> mi.Spectrum:
-        bs, weight = bsdf.sample(
-            mi.BSDFContext(), si, sampler.next_1d(active), sampler.next_2d(active), active
-        )
+        ctx = mi.BSDFContext()
+        if not self.lights:
+            ctx.type_mask = int(mi.BSDFFlags.Delta)  # spend the sample where it counts
+        bs, weight = bsdf.sample(ctx, si, sampler.next_1d(active), sampler.next_2d(active), active)
         delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
         active = active & dr.any(weight != 0)
         if not self.lights:
@@ -117,19 +118,11 @@ class OtherEmitters:
         return dr.select(active, weight * value * power_heuristic(bs.pdf, pdf), 0)
 
 
-def _pointers(emitters: list[mi.Emitter]) -> mi.EmitterPtr:
-    pointers = dr.zeros(mi.EmitterPtr, len(emitters))
-    for i, emitter in enumerate(emitters):
-        dr.scatter(pointers, mi.EmitterPtr(emitter), mi.UInt32(i))
-    return pointers
-
-
 def _has_delta(scene: mi.Scene) -> bool:
-    """Whether any surface of the scene has a delta lobe."""
+    """Whether some surface of the scene may have a delta lobe (instances do not tell what they are made of)."""
+    shapes = scene.shapes()
     return any(
-        mi.has_flag(mi.BSDFFlags(0) | shape.bsdf().flags(), mi.BSDFFlags.Delta)
-        for shape in scene.shapes()
-        if shape.bsdf() is not None
+        shape.class_name() == "Instance" or mi.has_flag(shape.bsdf().flags(), mi.BSDFFlags.Delta) for shape in shapes
     )
 
 
@@ -140,7 +133,7 @@ def power_heuristic(a: mi.Float, b: mi.Float) -> mi.Float:
 
 
 def target(g: mi.Spectrum) -> mi.Float:
-    """The scalar q that resampling follows: luminance in RGB, mean over the wavelengths otherwise; 0 only where g is."""
+    """The scalar q that resampling follows: luminance in RGB, else the mean over wavelengths; 0 only where g is."""
     if mi.is_rgb:
         return mi.luminance(g)
     return dr.mean(g)

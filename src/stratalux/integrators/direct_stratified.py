@@ -14,11 +14,11 @@ from .common import DirectIntegrator, positive_int, target
 class DirectStratified(DirectIntegrator):
     r"""Stratified direct lighting (Mei, Jaeger, Hu, section 3.2).
 
-    ============== ======= =================================================================================
-    ``strata``     int     Number of regions N that the environment map is cut into (default: 64)
-    ``proposals``  int     Proposals M drawn in each region, of which one is kept (default: 1)
-    ``hide_emitters`` bool Hide directly visible emitters (default: false)
-    ============== ======= =================================================================================
+    ================= ======= ========================================================================
+    ``strata``        int     Number of regions N that the environment map is cut into (default: 64)
+    ``proposals``     int     Proposals M drawn in each region, of which one is kept (default: 1)
+    ``hide_emitters`` bool    Hide directly visible emitters (default: false)
+    ================= ======= ========================================================================
 
     The map is cut by median cut into regions Ω_1 … Ω_N of equal energy, and the light of each is estimated with one
     shadow ray,
@@ -34,8 +34,9 @@ class DirectStratified(DirectIntegrator):
 
         L̂_ns,i = (L f cos)(y_i) / q(y_i) · (1/M) Σ_j w_ij
 
-    which is unbiased in every channel for every M ≥ 1: E[V(y) g(y)/q(y) · mean(w)] = Σ_j E[w_j V(x_j) g(x_j)/q(x_j)] / M
-    = ∫ V g dω, as q > 0 wherever g = L f cos is. With M = 1 it is plain importance sampling of each region.
+    which is unbiased in every channel for every M ≥ 1: with g = L f cos, and as q > 0 wherever g is,
+    E[V(y) g(y)/q(y) · mean(w)] = (1/M) Σ_j E[w_j V(x_j) g(x_j)/q(x_j)] = ∫ V g dω.
+    With M = 1 it is plain importance sampling of each region.
 
     Other emitters, delta lobes and environments that are no image are sampled as Mitsuba's ``direct`` does.
     """
@@ -70,12 +71,12 @@ class DirectStratified(DirectIntegrator):
         M = dr.opaque(mi.UInt32, self.proposals)
 
         L_o = mi.Spectrum(0)  # Outgoing radiance
-        i = mi.UInt32(0)      # Index of the region
+        i = mi.UInt32(0)  # Index of the region
         while i < N:
-            w_sum = mi.Float(0)   # Σ_j w_ij of the proposals so far
-            y = mi.Vector3f(0)    # Direction of the proposal that is kept
+            w_sum = mi.Float(0)  # Σ_j w_ij of the proposals so far
+            y = mi.Vector3f(0)  # Direction of the proposal that is kept
             g_q = mi.Spectrum(0)  # Its (L f cos) / q
-            j = mi.UInt32(0)      # Index of the proposal
+            j = mi.UInt32(0)  # Index of the proposal
             while j < M:
                 # ------------ (2): a proposal from the density of Ω_i -------------
                 x = strata.sampler.sample(i, sampler.next_2d(active), sampler.next_2d(active), active)

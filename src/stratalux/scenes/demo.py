@@ -73,16 +73,12 @@ def demo_mesh(subdivisions: int = 7) -> TriangleMesh:
     if subdivisions < 1:
         raise InputError(f"demo mesh: {subdivisions} subdivisions are too few; use at least 1")
     along, around = 192 * subdivisions, 16 * subdivisions
-    t, s = np.meshgrid(
-        2 * np.pi * np.arange(along) / along, 2 * np.pi * np.arange(around) / around, indexing="ij"
-    )
+    t, s = np.meshgrid(2 * np.pi * np.arange(along) / along, 2 * np.pi * np.arange(around) / around, indexing="ij")
 
     # The core runs on a torus: twice around its axis (z) and three times around its tube.
     turn = 2 * t[:, :1]
     tube = 3 * t[:, :1] + np.pi / 2
-    outwards = np.concatenate(
-        [np.cos(turn - np.pi / 2), np.sin(turn - np.pi / 2), np.zeros_like(turn)], axis=1
-    )
+    outwards = np.concatenate([np.cos(turn - np.pi / 2), np.sin(turn - np.pi / 2), np.zeros_like(turn)], axis=1)
     axis = np.array([0.0, 0.0, 1.0])
     core = outwards * (1 + 0.46 * np.cos(tube)) + axis * 0.44 * np.sin(tube)
     tangent = np.roll(core, -1, axis=0) - np.roll(core, 1, axis=0)
@@ -106,9 +102,7 @@ def demo_mesh(subdivisions: int = 7) -> TriangleMesh:
     a, b = index, np.roll(index, -1, axis=0)
     c, d = np.roll(b, -1, axis=1), np.roll(a, -1, axis=1)
     faces = np.stack([a, c, b, a, d, c], axis=-1).reshape(-1, 3).astype(np.uint32)
-    return TriangleMesh(
-        points.reshape(-1, 3).astype(np.float32), faces, normals.reshape(-1, 3).astype(np.float32)
-    )
+    return TriangleMesh(points.reshape(-1, 3).astype(np.float32), faces, normals.reshape(-1, 3).astype(np.float32))
 
 
 def demo_scene(size: tuple[int, int] = (600, 400), spp: int = 16, height: int = 512) -> dict[str, Any]:

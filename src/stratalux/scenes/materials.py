@@ -58,9 +58,7 @@ MATERIALS: dict[str, Material] = {
     "polished": Material("polished aluminium, GGX 0.05", _metal("Al", 0.05)),
     "gold": Material("gold, GGX 0.14", _metal("Au", 0.14)),
     "copper": Material("copper, GGX 0.14", _metal("Cu", 0.14)),
-    "mirror": Material(
-        "perfect mirror (a delta lobe)", _two_sided({"type": "conductor", "material": "none"})
-    ),
+    "mirror": Material("perfect mirror (a delta lobe)", _two_sided({"type": "conductor", "material": "none"})),
 }
 
 

@@ -126,9 +126,7 @@ def camera_frame(points: npt.ArrayLike, aspect: float) -> npt.NDArray[np.float64
     Within the interval, cx makes the free borders on both sides equal.
     """
     azimuth, elevation = np.radians([AZIMUTH_DEGREES, ELEVATION_DEGREES])
-    forward = -np.array(
-        [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)]
-    )
+    forward = -np.array([np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)])
     left = np.cross([0, 1, 0], forward)
     left /= np.linalg.norm(left)
     axes = np.stack([left, np.cross(forward, left), forward], axis=1)

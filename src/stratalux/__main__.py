@@ -1,0 +1,5 @@
+"""``python -m stratalux``."""
+
+from .cli import main
+
+main()

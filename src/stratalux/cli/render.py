@@ -1,0 +1,144 @@
+"""``stratalux render``."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from ..scenes.materials import MATERIALS
+from .options import Definition, Rotation, Size
+
+
+@click.command()
+@click.argument("scene")
+@click.option(
+    "--env", metavar="MAP", help="Environment map (.exr, .hdr, .pfm): needed for a mesh, else replaces the scene's."
+)
+@click.option("--env-rotate", type=Rotation(), default="0", help="Turn the map: degrees about y, or X,Y,Z, or flip.")
+@click.option("--env-scale", type=float, default=1.0, help="Brightness of the map, a factor.")
+@click.option("-N", "--strata", type=click.IntRange(min=1), default=64, show_default=True, help="Regions of the map.")
+@click.option("-M", "--proposals", type=click.IntRange(min=1), default=1, show_default=True, help="Proposals a region.")
+@click.option("-s", "--spp", type=click.IntRange(min=1), help="Samples per pixel.  [default: the scene's own, or 16]")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random numbers.")
+@click.option("--size", type=Size(), help="Film in pixels.  [default: the scene's own, or 600x400]")
+@click.option(
+    "--material",
+    type=click.Choice(list(MATERIALS)),
+    default="diffuse",
+    show_default=True,
+    metavar="NAME",
+    help=f"Material of a mesh: {', '.join(MATERIALS)}.",
+)
+@click.option("--up", type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]), help="Axis of a mesh file that is up.")
+@click.option("--hide-emitters", is_flag=True, help="Leave the map out of the background.")
+@click.option("-D", "definitions", type=Definition(), multiple=True, help="Value of $name in a Mitsuba scene.")
+@click.option("-m", "--variant", help="Mitsuba variant.  [default: cuda_ad_rgb where it works, else llvm_ad_rgb]")
+@click.option(
+    "-o", "--output", multiple=True, help="File to write, .exr or .png; repeat for several.  [default: SCENE.exr]"
+)
+@click.option("--exposure", type=float, help="Exposure of a PNG in stops.  [default: automatic]")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+@click.option("-v", "--verbose", is_flag=True, help="Show Mitsuba's log.")
+def render(scene: str, **options: Any) -> None:
+    """Render SCENE: a Mitsuba XML file, a mesh (.ply .obj .stl .glb .gltf .off), or demo.
+
+    A mesh is framed on a ground plane. The integrator of an XML file is replaced by direct_stratified: direct light,
+    one shadow ray to each of N regions of the map. Ctrl-C stops after the current pass and keeps what is done.
+
+    \b
+    Examples:
+      stratalux render demo -o demo.exr -o demo.png
+      stratalux render teapot.obj --env grace.exr --env-rotate flip --size 600x400 -o teapot.png
+      stratalux render part.stl --up z --env studio.hdr --material metal --strata 32 --proposals 8
+      stratalux render matpreview.xml -D spp=64 --env forest.hdr --env-rotate 90 -o preview.exr
+    """
+    from ..image import check_output  # Mitsuba is imported here, not before --help
+    from ..rendering import render_passes
+    from ..scenes.load import load_scene
+    from ..variants import choose_variant
+
+    outputs = [check_output(path) for path in options["output"] or (f"{Path(scene).stem}.exr",)]
+    variant = choose_variant(options["variant"])
+    _set_log_level(verbose=options["verbose"])
+    loaded = load_scene(
+        scene,
+        environment=options["env"],
+        rotate=options["env_rotate"],
+        scale=options["env_scale"],
+        material=options["material"],
+        up=options["up"],
+        size=options["size"],
+        parameters=dict(options["definitions"]),
+    )
+    passes = render_passes(
+        loaded,
+        strata=options["strata"],
+        proposals=options["proposals"],
+        hide_emitters=options["hide_emitters"],
+        spp=options["spp"] or 0,
+        seed=options["seed"],
+    )
+    result, stopped = _watch(passes, quiet=options["quiet"])
+    if result is None:
+        print("stratalux: interrupted before the first pass was done; nothing to keep", file=sys.stderr)
+        sys.exit(130)
+    for path in outputs:
+        result.write(path, options["exposure"])
+    if not options["quiet"]:
+        rays = result.camera_rays + result.shadow_rays
+        seconds = max(result.seconds, 1e-9)
+        click.echo(
+            f"{result.spp} spp in {result.seconds:.2f} s with {variant} "
+            f"(preparation {result.preparation_seconds:.2f} s, compilation {result.compile_seconds:.2f} s): "
+            f"up to {rays / 1e6:.1f} M rays, {rays / seconds / 1e6:.1f} M rays/s, "
+            f"{result.camera_rays / seconds / 1e6:.2f} M samples/s"
+        )
+        click.echo("wrote " + ", ".join(map(str, outputs)))
+    if stopped:
+        sys.exit(130)
+
+
+def _watch(passes: Any, *, quiet: bool) -> tuple[Any, bool]:
+    """Run the passes under a progress bar; the last result, and whether Ctrl-C ended it early."""
+    interrupted = False
+
+    def interrupt(*_: object) -> None:
+        nonlocal interrupted
+        if interrupted:  # the second time, at once
+            raise KeyboardInterrupt
+        interrupted = True
+
+    columns = (
+        TextColumn("rendering"),
+        BarColumn(),
+        TextColumn("{task.completed:.0f}/{task.total:.0f} spp"),
+        TextColumn("{task.fields[rate]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    previous = signal.signal(signal.SIGINT, interrupt)
+    result = None
+    try:
+        with Progress(*columns, console=Console(stderr=True), disable=quiet or not sys.stderr.isatty()) as progress:
+            task = progress.add_task("render", total=None, rate="")
+            for result in passes:
+                rate = f"{(result.camera_rays + result.shadow_rays) / max(result.seconds, 1e-9) / 1e6:.1f} M rays/s"
+                progress.update(task, completed=result.spp, total=result.spp_total, rate=rate)
+                if interrupted:
+                    break
+    finally:
+        signal.signal(signal.SIGINT, previous)
+    return result, result is not None and result.spp < result.spp_total
+
+
+def _set_log_level(*, verbose: bool) -> None:
+    import mitsuba as mi
+
+    mi.set_log_level(mi.LogLevel.Info if verbose else mi.LogLevel.Error)

@@ -1,0 +1,61 @@
+"""``stratalux stratify``."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+
+
+@click.command()
+@click.argument("map_file", metavar="MAP")
+@click.option("-n", "-N", "--strata", "n", type=click.IntRange(min=1), default=64, show_default=True, help="Regions.")
+@click.option("-o", "--output", help="Picture of the map with the borders of the regions (.png, .jpg).")
+@click.option("--json", "json_file", help="The regions as JSON; - for standard output.")
+@click.option("--exposure", type=float, help="Exposure of the picture in stops.  [default: automatic]")
+def stratify(map_file: str, n: int, output: str | None, json_file: str | None, exposure: float | None) -> None:
+    """Cut the environment map MAP into regions of equal energy by median cut (figure 1 of the paper).
+
+    \b
+    Examples:
+      stratalux stratify grace.exr -n 64 -o regions.png
+      stratalux stratify grace.exr -n 37 --json regions.json
+      stratalux stratify grace.exr -n 16 --json - | jq '.regions[0].direction'
+    """
+    from ..envmap import EnvironmentMap
+    from ..image import PICTURE_SUFFIXES, check_output, check_writable, write_atomically, write_picture
+    from ..median_cut import median_cut
+    from ..picture import draw_regions
+    from ..regions import describe_regions
+
+    if output:
+        check_output(output, PICTURE_SUFFIXES)
+    if json_file and json_file != "-":
+        check_writable(json_file)
+    environment = EnvironmentMap.load(map_file)
+    start = time.perf_counter()
+    regions = median_cut(environment, n)
+    milliseconds = 1000 * (time.perf_counter() - start)
+    if output:
+        write_picture(output, draw_regions(environment, regions, exposure))
+    if json_file:
+        text = json.dumps({"map": map_file, **describe_regions(environment, regions)}, indent=1)
+        if json_file == "-":
+            click.echo(text)
+        else:
+            write_atomically(json_file, lambda name: Path(name).write_text(text + "\n", encoding="utf-8"))
+    click.echo(_summary(regions, n, milliseconds), err=json_file == "-")
+
+
+def _summary(regions: Any, n: int, milliseconds: float) -> str:
+    energy, mean = regions.energy, regions.energy.mean()
+    short = "" if len(regions) == n else f" (of {n} asked for: the rest cannot be cut)"
+    if mean == 0:
+        return f"{len(regions)} region(s){short}, all black, cut in {milliseconds:.1f} ms"
+    return (
+        f"{len(regions)} region(s){short}, energies {energy.min() / mean:.3f} to {energy.max() / mean:.3f} "
+        f"of their mean (standard deviation {energy.std() / mean:.3f}), cut in {milliseconds:.1f} ms"
+    )

@@ -1,0 +1,162 @@
+"""Rendering in passes: progress between them, a clean stop at any of them, and one image at the end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError
+from .image import write_image
+
+_SAMPLES_PER_PASS = 1 << 25
+"""Light samples in one pass: about a second on two cores. A constant, so that a seed always gives the same passes."""
+
+
+@dataclass
+class RenderResult:
+    """What has been rendered so far.
+
+    ``bitmap``: the developed film. ``spp`` of ``spp_total`` samples per pixel are done. ``seconds``: rendering alone;
+    ``preparation_seconds``: cutting the map and building tables; ``compile_seconds``: tracing and compiling kernels.
+    ``camera_rays``, and ``shadow_rays`` towards the environment at most (none is traced where no light can arrive).
+    """
+
+    bitmap: mi.Bitmap
+    spp: int
+    spp_total: int
+    seconds: float
+    preparation_seconds: float
+    compile_seconds: float
+    camera_rays: int
+    shadow_rays: int
+    settings: dict[str, str | int | float]
+
+    @property
+    def image(self) -> NDArray[np.float32]:
+        """Pixels (H, W, C), linear."""
+        return np.array(self.bitmap)
+
+    def metadata(self) -> dict[str, str | int | float]:
+        """What the OpenEXR file remembers."""
+        return {
+            **self.settings,
+            "spp": self.spp,
+            "seconds": self.seconds,
+            "renderTimeSeconds": self.seconds,
+            "samplesPerPixel": self.spp,
+            "version": f"stratalux {version('stratalux')}, mitsuba {mi.__version__}",
+        }
+
+    def write(self, path: str | Path, exposure: float | None = None) -> None:
+        """Write the image by the suffix of ``path``; see :func:`stratalux.image.write_image`."""
+        write_image(path, self.bitmap, self.metadata(), exposure)
+
+
+def render(scene: mi.Scene, **options: Any) -> RenderResult:
+    """Render ``scene`` and return the complete result; the options are those of :func:`render_passes`."""
+    *_, result = render_passes(scene, **options)
+    return result
+
+
+def render_passes(
+    scene: mi.Scene,
+    *,
+    strata: int = 64,
+    proposals: int = 1,
+    hide_emitters: bool = False,
+    integrator: mi.Integrator | None = None,
+    spp: int = 0,
+    seed: int = 0,
+    sensor: int = 0,
+) -> Iterator[RenderResult]:
+    """Render ``scene`` pass by pass, yielding the image so far after each; leave the loop to stop.
+
+    ``strata``, ``proposals`` and ``hide_emitters`` are those of ``direct_stratified``; an ``integrator`` replaces it.
+    ``spp``: samples per pixel, 0 for the scene's own. Pass k uses ``seed`` + k. ``sensor``: index of the camera.
+    Raises :class:`InputError` for a scene without that camera and for a variant that cannot render.
+    """
+    if mi.variant() is None or mi.variant().startswith("scalar"):
+        raise InputError(
+            f"variant {mi.variant()}: rendering needs a vectorised one; mitsuba.set_variant('llvm_ad_rgb')"
+        )
+    if not 0 <= sensor < len(scene.sensors()):
+        raise InputError(f"sensor {sensor}: the scene has {len(scene.sensors())}; add one or choose another")
+    if integrator is None:
+        integrator = mi.load_dict(
+            {
+                "type": "direct_stratified",
+                "strata": strata,
+                "proposals": proposals,
+                "hide_emitters": hide_emitters,
+            }
+        )
+    camera = scene.sensors()[sensor]
+    film = camera.film()
+    spp = spp or camera.sampler().sample_count()
+    start = time.perf_counter()
+    rays_per_sample = 1
+    if hasattr(integrator, "prepare"):
+        rays_per_sample = integrator.shadow_rays() if integrator.prepare(scene) is not None else 0
+        work = rays_per_sample * max(1, getattr(integrator, "proposals", 1) // 4)
+    else:
+        work = 2
+    preparation = time.perf_counter() - start
+
+    pixels = int(np.prod(film.crop_size()))
+    total: mi.TensorXf | None = None
+    done, seconds, compiling = 0, 0.0, 0.0
+    for k, count in enumerate(_pass_sizes(spp, pixels * max(1, work))):
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+            dr.kernel_history_clear()
+            start = time.perf_counter()
+            integrator.render(scene, camera, seed=seed + k, spp=count, develop=False, evaluate=True)
+            raw = film.develop(raw=True)
+            total = raw if total is None else total + raw
+            dr.eval(total)
+            dr.sync_thread()
+            elapsed = time.perf_counter() - start
+            history = dr.kernel_history()
+        compile_time = sum(kernel.get("codegen_time", 0) + kernel.get("backend_time", 0) for kernel in history) / 1000
+        compiling += compile_time
+        seconds += elapsed - compile_time
+        done += count
+        yield RenderResult(
+            bitmap=_develop(film, total),
+            spp=done,
+            spp_total=spp,
+            seconds=seconds,
+            preparation_seconds=preparation,
+            compile_seconds=compiling,
+            camera_rays=pixels * done,
+            shadow_rays=pixels * done * rays_per_sample,
+            settings={
+                "integrator": " ".join(str(integrator).split()),
+                "strata": strata,
+                "proposals": proposals,
+                "seed": seed,
+            },
+        )
+
+
+def _pass_sizes(spp: int, samples_per_spp: int) -> list[int]:
+    """Samples per pixel of each pass: a power of two, as the kernel is the same for all of those, and a rest."""
+    size = max(1, _SAMPLES_PER_PASS // samples_per_spp)
+    size = min(spp, 1 << (size.bit_length() - 1))
+    passes, rest = divmod(spp, size)
+    return [size] * passes + [rest] * (rest > 0)
+
+
+def _develop(film: mi.Film, raw: mi.TensorXf) -> mi.Bitmap:
+    """Develop the weighted sums of several passes as if they had been one."""
+    film.prepare([])
+    film.put_block(mi.ImageBlock(raw, film.crop_offset()))
+    return film.bitmap()

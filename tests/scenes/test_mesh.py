@@ -1,0 +1,243 @@
+"""Meshes: every file format, orientation, shading normals, and every way a file can be bad."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from stratalux.errors import InputError
+from stratalux.scenes.mesh import FORMATS, TriangleMesh, load_mesh, smooth_shaded
+
+ASSETS = Path(os.environ.get("STRATALUX_ASSETS", Path(__file__).parents[3] / "shared" / "assets"))
+
+
+def asset(name: str) -> Path:
+    path = ASSETS / name
+    if not path.exists():
+        pytest.skip(f"{path} is missing; set STRATALUX_ASSETS to the folder that has it")
+    return path
+
+
+def written(folder: Path, mesh: trimesh.Trimesh | trimesh.Scene, extension: str, **options: object) -> Path:
+    """The mesh in a file of the given format."""
+    path = folder / f"mesh{extension}"
+    if extension == ".gltf":
+        scene = mesh if isinstance(mesh, trimesh.Scene) else trimesh.Scene(mesh)
+        for name, data in scene.export(file_type="gltf", **options).items():
+            (folder / (path.name if name.endswith(".gltf") else name)).write_bytes(data)
+    else:
+        mesh.export(path, **options)
+    return path
+
+
+def area(mesh: TriangleMesh) -> float:
+    a, b, c = np.moveaxis(mesh.vertices.astype(np.float64)[mesh.faces], 1, 0)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def volume(mesh: TriangleMesh) -> float:
+    a, b, c = np.moveaxis(mesh.vertices.astype(np.float64)[mesh.faces], 1, 0)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+@pytest.mark.parametrize("extension", FORMATS)
+def test_every_format_reads_back_the_same_surface(tmp_path: Path, extension: str) -> None:
+    box = trimesh.creation.box((1, 2, 3))
+    mesh = load_mesh(written(tmp_path, box, extension), up="y")
+    assert len(mesh.faces) == 12
+    assert mesh.normals is not None
+    np.testing.assert_allclose(mesh.bounds, box.bounds, atol=1e-6)
+    assert volume(mesh) == pytest.approx(6, rel=1e-5)
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
+    assert (mesh.vertices.dtype, mesh.faces.dtype, mesh.normals.dtype) == (np.float32, np.uint32, np.float32)
+
+
+def test_an_upper_case_extension_is_the_same_format(tmp_path: Path) -> None:
+    path = written(tmp_path, trimesh.creation.box(), ".ply").rename(tmp_path / "mesh.PLY")
+    assert len(load_mesh(path).faces) == 12
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("sign", [1, -1])
+def test_up_turns_the_named_axis_to_y_without_mirroring(tmp_path: Path, axis: int, sign: int) -> None:
+    cone = trimesh.creation.cone(radius=1, height=5)
+    direction = np.zeros(3)
+    direction[axis] = sign
+    cone.apply_transform(trimesh.geometry.align_vectors([0, 0, 1], direction))
+    mesh = load_mesh(written(tmp_path, cone, ".ply"), up=("-" if sign < 0 else "") + "xyz"[axis])
+    assert mesh.bounds[1, 1] - mesh.bounds[0, 1] == pytest.approx(5, abs=1e-4)
+    apex = mesh.vertices[np.argmax(mesh.vertices[:, 1])]
+    np.testing.assert_allclose(apex, [0, 5, 0], atol=1e-4)
+    assert volume(mesh) == pytest.approx(cone.volume, rel=1e-4)
+
+
+def test_stl_files_have_z_up_by_default(tmp_path: Path) -> None:
+    box = trimesh.creation.box((1, 2, 3))
+    assert np.ptp(load_mesh(written(tmp_path, box, ".stl")).bounds[:, 1]) == pytest.approx(3)
+    assert np.ptp(load_mesh(written(tmp_path, box, ".ply")).bounds[:, 1]) == pytest.approx(2)
+
+
+@pytest.mark.parametrize("extension", [".glb", ".gltf"])
+def test_all_geometries_are_joined_with_their_transforms(tmp_path: Path, extension: str) -> None:
+    scene = trimesh.Scene()
+    box = trimesh.creation.box()
+    scene.add_geometry(box, geom_name="box", transform=trimesh.transformations.translation_matrix([5, 0, 0]))
+    mirror = np.diag([-2.0, 2, 2, 1])
+    scene.graph.update(frame_to="mirrored", geometry="box", matrix=mirror)
+    mesh = load_mesh(written(tmp_path, scene, extension))
+    assert len(mesh.faces) == 24
+    np.testing.assert_allclose(mesh.bounds, [[-1, -1, -1], [5.5, 1, 1]], atol=1e-6)
+    assert volume(mesh) == pytest.approx(9, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("extension", "option"),
+    [(".ply", "vertex_normal"), (".obj", "include_normals"), (".glb", "include_normals")],
+)
+def test_normals_of_the_file_are_kept(tmp_path: Path, extension: str, option: str) -> None:
+    box = trimesh.creation.box()
+    tilted = trimesh.Trimesh(box.vertices, box.faces, vertex_normals=np.tile([0.6, 0.8, 0.0], (8, 1)), process=False)
+    mesh = load_mesh(written(tmp_path, tilted, extension, **{option: True}))
+    assert mesh.normals is not None
+    np.testing.assert_allclose(mesh.normals, np.tile([0.6, 0.8, 0.0], (len(mesh.normals), 1)), atol=1e-6)
+
+
+def test_unusable_normals_of_the_file_are_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 0\nvn 0 0 1\nf 1//1 2//2 3//2\n")
+    np.testing.assert_allclose(load_mesh(path).normals, np.tile([0, 0, 1], (3, 1)), atol=1e-6)
+
+
+def test_a_cube_keeps_its_edges_and_a_sphere_is_smooth(tmp_path: Path) -> None:
+    cube = load_mesh(written(tmp_path, trimesh.creation.box(), ".stl"))
+    assert cube.normals is not None and len(cube.vertices) == 24
+    assert np.all(np.sort(np.abs(cube.normals), axis=1) == [0, 0, 1])
+    sphere = load_mesh(written(tmp_path, trimesh.creation.icosphere(subdivisions=4), ".stl"))
+    assert sphere.normals is not None and len(sphere.vertices) == 2562
+    np.testing.assert_allclose(sphere.normals, sphere.vertices, atol=5e-3)
+
+
+def test_a_cylinder_is_smooth_around_and_sharp_at_its_rims(tmp_path: Path) -> None:
+    mesh = load_mesh(written(tmp_path, trimesh.creation.cylinder(radius=1, height=2, sections=64), ".off"), up="z")
+    assert mesh.normals is not None
+    side = np.abs(mesh.normals[:, 1]) < 0.5
+    radial = mesh.vertices * [1, 0, 1]
+    np.testing.assert_allclose(mesh.normals[side], radial[side], atol=5e-3)
+    np.testing.assert_allclose(np.abs(mesh.normals[~side, 1]), 1, atol=1e-5)
+
+
+def test_faces_given_once_per_orientation_are_shaded_each_on_its_own_side() -> None:
+    sphere = trimesh.creation.icosphere(subdivisions=3)
+    both = np.concatenate([sphere.faces, sphere.faces[:, ::-1]])
+    mesh = smooth_shaded(TriangleMesh(sphere.vertices, both))
+    assert mesh.normals is not None and len(mesh.vertices) == 2 * len(sphere.vertices)
+    np.testing.assert_allclose(np.abs(np.sum(mesh.normals * mesh.vertices, axis=1)), 1, atol=1e-2)
+
+
+def test_faces_without_area_and_stray_vertices_are_dropped(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 900 900 900\nv 0 0 0\nf 1 2 3\nf 1 1 2\nf 1 5 2\n")
+    mesh = load_mesh(path)
+    assert len(mesh.faces) == 1
+    np.testing.assert_array_equal(mesh.bounds, [[0, 0, 0], [1, 1, 0]])
+
+
+def test_a_hundred_thousand_triangles_are_shaded_in_two_seconds() -> None:
+    sphere = trimesh.creation.icosphere(subdivisions=6)
+    soup = TriangleMesh(sphere.vertices[sphere.faces].reshape(-1, 3), np.arange(sphere.faces.size).reshape(-1, 3))
+    start = time.process_time()
+    smooth_shaded(soup)
+    assert time.process_time() - start < 2
+
+
+def test_mirroring_keeps_the_outside_outside() -> None:
+    box = trimesh.creation.box()
+    mesh = smooth_shaded(TriangleMesh(box.vertices, box.faces)).transformed(np.diag([-1.0, 2, 1, 1]))
+    assert volume(mesh) == pytest.approx(2)
+    assert mesh.normals is not None
+    assert np.all(np.sum(mesh.normals * mesh.vertices, axis=1) > 0)
+
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("mesh.fbx", "", r"unknown mesh format '\.fbx'; use one of \.glb \.gltf \.obj \.off \.ply \.stl"),
+        ("mesh", "", "unknown mesh format ''"),
+        ("mesh.obj", None, "no such mesh file"),
+        ("mesh.obj", "", "no faces"),
+        ("mesh.obj", TRIANGLE, "no faces"),
+        ("mesh.obj", TRIANGLE + "f 1 2 9\n", "unreadable"),
+        ("mesh.obj", TRIANGLE.replace("1 0 0", "nan 0 0") + "f 1 2 3\n", "not a finite"),
+        ("mesh.obj", TRIANGLE.replace("1 0 0", "1e300 0 0") + "f 1 2 3\n", "not a finite"),
+        ("mesh.obj", TRIANGLE.replace("1", "0") + "f 1 2 3\n", "zero extent"),
+        ("mesh.obj", TRIANGLE.replace("0 1 0", "2 0 0") + "f 1 2 3\n", "zero extent"),
+        ("mesh.stl", "\x00\xff garbage " * 20, "mesh.stl: "),
+        ("mesh.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", "mesh.off: "),
+    ],
+)
+def test_bad_files_are_input_errors(tmp_path: Path, name: str, content: str | None, message: str) -> None:
+    path = tmp_path / name
+    if content is not None:
+        path.write_text(content, encoding="latin-1")
+    with pytest.raises(InputError, match=message) as caught:
+        load_mesh(path)
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("extension", [".glb", ".gltf", ".off", ".ply", ".stl"])
+@pytest.mark.parametrize("kept", [0.0, 0.02, 0.3, 0.6, 0.95])
+def test_truncated_files_are_input_errors(tmp_path: Path, extension: str, kept: float) -> None:
+    path = written(tmp_path, trimesh.creation.icosphere(subdivisions=2), extension)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(kept * len(data))])
+    with pytest.raises(InputError) as caught:
+        load_mesh(path)
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_truncated_text_ply_is_an_input_error(tmp_path: Path) -> None:
+    path = written(tmp_path, trimesh.creation.icosphere(subdivisions=2), ".ply", encoding="ascii")
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(lines[:-40]))
+    with pytest.raises(InputError, match="cut short at 280 of the 320 faces"):
+        load_mesh(path)
+
+
+def test_an_unknown_up_axis_is_an_input_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="up axis 'w' is unknown; use one of x -x y -y z -z"):
+        load_mesh(written(tmp_path, trimesh.creation.box(), ".ply"), up="w")
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "normals", "message"),
+    [
+        (np.zeros((3, 2)), np.zeros((1, 3)), None, r"vertices has shape \(3, 2\)"),
+        (np.zeros((3, 3)), np.zeros((1, 4)), None, r"faces has shape \(1, 4\)"),
+        (np.zeros((3, 3)), [[0, 1, 3]], None, "outside 0..2"),
+        (np.zeros((3, 3)), [[0, 1, -1]], None, "outside 0..2"),
+        (np.zeros((3, 3)), [[0, 1, 2]], np.zeros((2, 3)), "2 normals for 3 vertices"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_input_errors(
+    vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray | None, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        TriangleMesh(vertices, np.asarray(faces), normals)
+
+
+@pytest.mark.parametrize(("name", "faces", "tallest"), [("happy_buddha.obj", 100_000, 1), ("teapot.obj", 6_320, 0)])
+def test_real_meshes(name: str, faces: int, tallest: int) -> None:
+    mesh = load_mesh(asset(f"meshes/{name}"))
+    assert mesh.normals is not None
+    assert 0.98 * faces < len(mesh.faces) <= faces
+    assert np.argmax(np.ptp(mesh.bounds, axis=0)) == tallest
+    assert area(mesh) > 0
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-4)

@@ -1,0 +1,119 @@
+"""The mean image of ``direct_stratified`` against that of Mitsuba's ``direct``: no bias in any pixel or channel."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.helpers import assert_same_mean, asset, runs, scene_dict, sun_map
+
+RUNS = 32
+
+
+def stratified(strata: int, proposals: int = 1, **more: Any) -> dict[str, Any]:
+    return {"type": "direct_stratified", "strata": strata, "proposals": proposals, **more}
+
+
+def spp_for(strata: int, proposals: int) -> int:
+    """About equal work for each test; enough for the mean of a run to be nearly normal."""
+    return {1: 512, 16: 128}.get(strata, 64) // (2 if proposals > 1 else 1)
+
+
+@cache
+def reference(material: str) -> NDArray[Any]:
+    scene = mi.load_dict(scene_dict(material))
+    return runs(scene, {"type": "direct", "emitter_samples": 2, "bsdf_samples": 1}, 2048, RUNS, seed=10_000)
+
+
+@pytest.mark.parametrize("proposals", [1, 8])
+@pytest.mark.parametrize("strata", [1, 16, 37, 64])
+@pytest.mark.parametrize("material", ["diffuse", "roughplastic", "roughconductor"])
+def test_same_mean_as_direct(material: str, strata: int, proposals: int) -> None:
+    scene = mi.load_dict(scene_dict(material))
+    spp = spp_for(strata, proposals)
+    assert_same_mean(runs(scene, stratified(strata, proposals), spp, RUNS, seed=0), reference(material))
+
+
+def test_the_test_has_teeth() -> None:
+    """Light that is 1 % too bright in one channel is noticed."""
+    images = runs(mi.load_dict(scene_dict("diffuse")), stratified(16), 128, RUNS, seed=0)
+    images[..., 2] *= 1.01
+    with pytest.raises(AssertionError):
+        assert_same_mean(images, reference("diffuse"))
+
+
+@pytest.mark.parametrize("material", ["plastic", "mirror"])
+def test_delta_lobes(material: str) -> None:
+    scene = mi.load_dict(scene_dict(material))
+    direct = {"type": "direct", "emitter_samples": 2, "bsdf_samples": 2}
+    assert_same_mean(runs(scene, stratified(16, 4), 128, RUNS, 0), runs(scene, direct, 1024, RUNS, 10_000))
+
+
+def lamp() -> dict[str, Any]:
+    return {
+        "type": "rectangle",
+        "to_world": mi.ScalarTransform4f().translate([-1.5, 2, 1.5]).rotate([1, 0, 0], 90).scale(0.4),
+        "emitter": {"type": "area", "radiance": {"type": "rgb", "value": [6, 4, 2]}},
+    }
+
+
+@pytest.mark.parametrize("material", ["diffuse", "roughconductor", "plastic"])
+def test_with_an_area_light(material: str) -> None:
+    scene = mi.load_dict(scene_dict(material, lamp=lamp()))
+    assert_same_mean(runs(scene, stratified(16, 4), 128, RUNS, 0), runs(scene, {"type": "direct"}, 2048, RUNS, 10_000))
+
+
+def test_with_a_point_light_and_hidden_emitters() -> None:
+    spot = {"type": "point", "position": [1, 3, 2], "intensity": {"type": "rgb", "value": [2, 3, 4]}}
+    scene = mi.load_dict(scene_dict("roughplastic", lamp=lamp(), spot=spot))
+    direct = {"type": "direct", "hide_emitters": True}
+    ours = stratified(16, hide_emitters=True)
+    assert_same_mean(runs(scene, ours, 128, RUNS, 0), runs(scene, direct, 2048, RUNS, 10_000))
+
+
+@pytest.mark.parametrize("sky", [None, {"type": "constant", "radiance": {"type": "rgb", "value": [0.3, 0.2, 0.5]}}])
+def test_without_an_environment_map(sky: dict[str, Any] | None) -> None:
+    description = scene_dict("roughplastic", lamp=lamp())
+    del description["sky"]
+    if sky:
+        description["sky"] = sky
+    scene = mi.load_dict(description)
+    assert_same_mean(runs(scene, stratified(16), 128, RUNS, 0), runs(scene, {"type": "direct"}, 256, RUNS, 10_000))
+
+
+def test_a_sun() -> None:
+    scene = mi.load_dict(scene_dict("diffuse", sun_map()))
+    assert_same_mean(runs(scene, stratified(37, 4), 64, RUNS, 0), runs(scene, {"type": "direct"}, 2048, RUNS, 10_000))
+
+
+@pytest.mark.parametrize("variant", ["llvm_ad_mono", "llvm_ad_spectral"])
+def test_other_variants(variant: str) -> None:
+    mi.set_variant(variant)
+    scene = mi.load_dict(scene_dict("roughplastic"))
+    assert_same_mean(runs(scene, stratified(16, 4), 128, RUNS, 0), runs(scene, {"type": "direct"}, 1024, RUNS, 10_000))
+
+
+@pytest.mark.parametrize("sampler", ["multijitter", "stratified", "orthogonal"])
+def test_stratified_samplers(sampler: str) -> None:
+    """Seeds change the scrambling of these samplers, so runs stay independent."""
+    description = scene_dict("diffuse")
+    description["sensor"]["sampler"] = {"type": sampler, "sample_count": 64}
+    scene = mi.load_dict(description)
+    assert_same_mean(runs(scene, stratified(16, 2), 64, RUNS, 0), reference("diffuse"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("strata", [16, 64])
+@pytest.mark.parametrize("name", ["grace_latlong.exr", "venice.hdr", "sky.hdr", "night.hdr", "studio.hdr"])
+def test_real_maps(name: str, strata: int) -> None:
+    texels = np.array(
+        mi.Bitmap(str(asset(f"envmaps/{name}"))).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32)
+    )
+    scene = mi.load_dict(scene_dict("roughplastic", texels))
+    direct = {"type": "direct", "emitter_samples": 4, "bsdf_samples": 2}
+    assert_same_mean(runs(scene, stratified(strata, 4), 512, 64, 0), runs(scene, direct, 4096, 64, 10_000))

@@ -1,0 +1,268 @@
+"""The command line: what it writes, and one clear line and exit code 2 for every bad input."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from stratalux.cli import main
+from tests.helpers import asset, hall_map
+
+CUBE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+XML = """<scene version="3.0.0">
+    <default name="radius" value="1"/>
+    <sensor type="perspective">
+        <film type="hdrfilm"><integer name="width" value="12"/><integer name="height" value="8"/></film>
+    </sensor>
+    <shape type="sphere">
+        <float name="radius" value="$radius"/><transform name="to_world"><translate z="4"/></transform>
+    </shape>
+    {emitter}
+</scene>"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Run in a folder with a map, a mesh and some scenes."""
+    monkeypatch.chdir(tmp_path)
+    mi.Bitmap(hall_map(24, 48)).write("map.exr")
+    Path("mesh.obj").write_text(CUBE)
+    Path("scene.xml").write_text(
+        XML.format(emitter='<emitter type="envmap"><string name="filename" value="map.exr"/></emitter>')
+    )
+    Path("dark.xml").write_text(XML.format(emitter=""))
+    Path("constant.xml").write_text(XML.format(emitter='<emitter type="constant"/>'))
+    return tmp_path
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["stratalux", *arguments])
+    with warnings.catch_warnings(), pytest.raises(SystemExit) as stop:
+        warnings.simplefilter("always")  # as in a process of its own, not as in this one
+        main()
+    return int(stop.value.code or 0)
+
+
+def luminance(path: str) -> float:
+    return float(np.array(mi.Bitmap(path))[..., :3].mean())
+
+
+SMALL = ("--size", "24x16", "--spp", "2", "--strata", "4")
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        ("mesh.obj", "--env", "map.exr"),
+        ("mesh.obj", "--env", "map.exr", "--material", "ceramic"),
+        ("scene.xml",),
+        ("demo",),
+    ],
+)
+def test_renders_everything_it_promises(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], scene: tuple[str, ...]
+) -> None:
+    assert run(monkeypatch, "render", *scene, *SMALL, "-o", "a.exr", "-o", "a.png") == 0
+    image = mi.Bitmap("a.exr")
+    assert image.height() == 16 and image.width() == 24 and luminance("a.exr") > 0
+    assert image.metadata()["strata"] == 4 and image.metadata()["spp"] == 2
+    assert mi.Bitmap("a.png").component_format() == mi.Struct.Type.UInt8
+    out = capsys.readouterr().out
+    assert "2 spp in" in out and "rays/s" in out and "samples/s" in out and "wrote a.exr, a.png" in out
+
+
+def test_the_map_of_a_scene_is_replaced_turned_and_scaled(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("scene.xml", "constant.xml", "dark.xml"):
+        assert run(monkeypatch, "render", name, "--env", "map.exr", *SMALL, "-o", f"{name}.exr", "-q") == 0
+    assert luminance("scene.xml.exr") == pytest.approx(luminance("dark.xml.exr"), rel=0.05)
+    assert luminance("scene.xml.exr") == pytest.approx(luminance("constant.xml.exr"), rel=0.05)
+    assert run(monkeypatch, "render", "scene.xml", "--env-scale", "3", *SMALL, "-o", "bright.exr", "-q") == 0
+    assert luminance("bright.exr") == pytest.approx(3 * luminance("scene.xml.exr"), rel=0.05)
+    assert run(monkeypatch, "render", "scene.xml", "--env-rotate", "flip", *SMALL, "-o", "flip.exr", "-q") == 0
+    assert run(monkeypatch, "render", "scene.xml", "--env-rotate", "180,0,0", *SMALL, "-o", "x.exr", "-q") == 0
+    assert luminance("flip.exr") == pytest.approx(luminance("x.exr"), rel=1e-3)
+    assert luminance("flip.exr") != pytest.approx(luminance("scene.xml.exr"), rel=0.05)
+
+
+def test_rotations_go_about_the_world_axes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A light straight up is turned by 90 degrees about x into +z, and then about y into +x."""
+    from stratalux.scenes.load import load_scene
+
+    scene = load_scene("scene.xml", rotate=(90, 90, 0))
+    turned = mi.traverse(scene.environment())["to_world"].matrix.numpy().reshape(4, 4)[:3, :3] @ [0, 1, 0]
+    np.testing.assert_allclose(turned, [1, 0, 0], atol=1e-6)
+
+
+def test_definitions_and_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run(monkeypatch, "render", "scene.xml", "-D", "radius=0.01", "--spp", "1", "-N", "2", "-q") == 0
+    assert mi.Bitmap("scene.exr").width() == 12
+
+
+def test_stratify_draws_and_lists(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(monkeypatch, "stratify", "map.exr", "-n", "37", "-o", "r.png", "--json", "r.json") == 0
+    assert "37 region(s), energies" in capsys.readouterr().out
+    described = json.loads(Path("r.json").read_text())
+    assert len(described["regions"]) == 37 and described["width"] == 48
+    region = described["regions"][0]
+    assert set(region) == {"texels", "u", "v", "solid_angle", "energy", "mean_colour", "direction"}
+    assert sum(r["solid_angle"] for r in described["regions"]) == pytest.approx(4 * np.pi)
+    assert mi.Bitmap("r.png").width() >= 1024
+    assert run(monkeypatch, "stratify", "map.exr", "-n", "2", "--json", "-") == 0
+    captured = capsys.readouterr()
+    assert len(json.loads(captured.out)["regions"]) == 2 and "cut in" in captured.err
+
+
+def test_doctor_and_completion(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(monkeypatch, "doctor") == 0
+    out = capsys.readouterr().out
+    assert "llvm_ad_rgb" in out and "works" in out and "libLLVM" in out
+    for shell in ("bash", "zsh", "fish"):
+        assert run(monkeypatch, "completion", shell) == 0
+        assert "_STRATALUX_COMPLETE" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [(), ("render",), ("stratify",), ("doctor",), ("completion",)])
+def test_help_has_examples(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: tuple[str, ...]
+) -> None:
+    assert run(monkeypatch, *command, "--help") == 0
+    assert "Examples:" in capsys.readouterr().out
+
+
+def spoil() -> None:
+    """All sorts of bad files."""
+    data = Path("map.exr").read_bytes()
+    Path("truncated.exr").write_bytes(data[: len(data) // 2])
+    Path("text.exr").write_text("hello")
+    Path("empty.obj").write_text("v 0 0 0\n")
+    Path("mesh.xyz").write_text("")
+    Path("bad.xml").write_text("<scene version='3.0.0'><shape type='sphere'></scene>")
+    Path("plugin.xml").write_text("<scene version='3.0.0'><shape type='nonsense'/></scene>")
+    Path("property.xml").write_text(
+        XML.format(emitter='<shape type="sphere"><float name="nonsense" value="1"/></shape>')
+    )
+    Path("sensor.xml").write_text("<scene version='3.0.0'><shape type='sphere'/></scene>")
+    Path("shape.xml").write_text("<shape version='3.0.0' type='sphere'/>")
+    Path("lost.xml").write_text(
+        XML.format(emitter='<emitter type="envmap"><string name="filename" value="no.exr"/></emitter>')
+    )
+    shear = '<emitter type="envmap"><string name="filename" value="map.exr"/>'
+    shear += '<transform name="to_world"><scale x="2"/></transform></emitter>'
+    Path("shear.xml").write_text(XML.format(emitter=shear))
+    Path("folder.exr").mkdir()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("render none.xml", "none.xml: no such file"),
+        ("render none.obj --env map.exr", "none.obj"),
+        ("render mesh.obj", "--env"),
+        ("render mesh.obj --env none.exr", "none.exr: no such file"),
+        ("render mesh.obj --env truncated.exr", "truncated.exr: cannot be read"),
+        ("render mesh.obj --env text.exr", "text.exr: cannot be read"),
+        ("render mesh.xyz --env map.exr", "mesh.xyz: unknown kind"),
+        ("render empty.obj --env map.exr", "empty.obj"),
+        ("render bad.xml", "bad.xml"),
+        ("render plugin.xml", "nonsense"),
+        ("render property.xml", "nonsense"),
+        ("render sensor.xml", "no sensor"),
+        ("render shape.xml", "not a scene"),
+        ("render lost.xml", "no.exr"),
+        ("render shear.xml", "scales or shears"),
+        ("render dark.xml --env-rotate 90", "no environment map"),
+        ("render demo --strata 0", "strata"),
+        ("render demo --proposals 0", "proposals"),
+        ("render demo --spp 0", "spp"),
+        ("render demo --size 0x4", "not a size"),
+        ("render demo --size big", "not a size"),
+        ("render demo --env-rotate up", "not a rotation"),
+        ("render demo --material cheese", "cheese"),
+        ("render demo --variant scalar_rgb", "scalar_rgb"),
+        ("render demo --variant nonsense", "nonsense"),
+        ("render demo -o no/such/place.exr", "cannot be written"),
+        ("render demo -o folder.exr", "is a folder"),
+        ("render demo -o a.tiff", "unknown image format"),
+        ("render demo -D radius", "name=value"),
+        ("render scene.xml -D nonsense=3", "nonsense"),
+        ("render", "SCENE"),
+        ("render demo --nonsense", "nonsense"),
+        ("nonsense", "nonsense"),
+        ("stratify none.exr", "no such file"),
+        ("stratify map.exr -n 0", "-n"),
+        ("stratify map.exr -o regions.exr", "unknown image format"),
+        ("stratify map.exr --json no/such/place.json", "cannot be written"),
+    ],
+)
+def test_bad_input_takes_one_line_and_exits_with_2(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], arguments: str, words: str
+) -> None:
+    spoil()
+    before = sorted(p.name for p in Path().iterdir())
+    assert run(monkeypatch, *arguments.split()) == 2
+    captured = capfd.readouterr()
+    assert captured.err.count("\n") == 1 and captured.err.startswith("stratalux: error: "), captured.err
+    assert words in captured.err
+    assert captured.out == ""
+    assert sorted(p.name for p in Path().iterdir()) == before
+
+
+def test_odd_maps_are_rendered_with_a_warning(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    texels = hall_map(16, 32)
+    texels[3, 3], texels[4, 4], texels[5, 5] = np.nan, np.inf, -1
+    mi.Bitmap(texels).write("odd.exr")
+    assert run(monkeypatch, "render", "mesh.obj", "--env", "odd.exr", *SMALL, "-o", "a.exr") == 0
+    assert "1 NaN, 1 infinite, 1 negative texel(s) repaired" in capfd.readouterr().err
+    assert np.isfinite(np.array(mi.Bitmap("a.exr"))).all()
+    Path("odd.xml").write_text(Path("scene.xml").read_text().replace("map.exr", "odd.exr"))
+    assert run(monkeypatch, "render", "odd.xml", *SMALL, "-o", "b.exr") == 0
+    assert "repaired" in capfd.readouterr().err
+    assert np.isfinite(np.array(mi.Bitmap("b.exr"))).all()
+    mi.Bitmap(hall_map(16, 20)).write("square.exr")
+    assert run(monkeypatch, "stratify", "square.exr") == 0
+    assert "20x16 is not 2:1" in capfd.readouterr().err
+
+
+def test_a_black_map_renders_black(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    mi.Bitmap(np.zeros((16, 32, 3), dtype=np.float32)).write("black.exr")
+    assert run(monkeypatch, "render", "mesh.obj", "--env", "black.exr", *SMALL, "-o", "a.exr", "-o", "a.png") == 0
+    assert luminance("a.exr") == 0
+    assert run(monkeypatch, "stratify", "black.exr", "-o", "b.png", "--json", "b.json") == 0
+    assert "1 region(s) (of 64 asked for" in capfd.readouterr().out
+
+
+def test_interruption_keeps_what_is_done(folder: Path) -> None:
+    command = [sys.executable, "-m", "stratalux", "render", "demo", "--size", "300x200", "--spp", "4096", "-o", "a.exr"]
+    process = subprocess.Popen(
+        command, cwd=folder, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ
+    )
+    time.sleep(12)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 130, err
+    assert "wrote a.exr" in out and "Traceback" not in err
+    assert 0 < mi.Bitmap(str(folder / "a.exr")).metadata()["spp"] < 4096
+
+
+@pytest.mark.parametrize("mesh", ["happy_buddha.obj", "teapot.obj"])
+def test_real_meshes_in_grace(monkeypatch: pytest.MonkeyPatch, mesh: str) -> None:
+    arguments = (str(asset(f"meshes/{mesh}")), "--env", str(asset("envmaps/grace_latlong.exr")), "--env-rotate", "flip")
+    assert run(monkeypatch, "render", *arguments, "--size", "60x40", "--spp", "2", "-N", "16", "-o", "a.png") == 0
+
+
+def test_matpreview_untouched(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = str(asset("scenes/matpreview/matpreview.xml"))
+    assert run(monkeypatch, "render", scene, "-D", "spp=2", "-D", "width=60", "-D", "height=45", "-o", "a.exr") == 0
+    assert luminance("a.exr") > 0 and mi.Bitmap("a.exr").width() == 60

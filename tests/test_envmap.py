@@ -1,0 +1,97 @@
+"""The environment map: what it accepts, repairs and refuses."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from stratalux import EnvironmentMap, EnvironmentMapWarning, InputError
+from tests.helpers import hall_map
+
+
+@pytest.mark.parametrize("shape", [(4, 8), (4, 8, 1), (4, 8, 3), (4, 8, 4)])
+def test_accepts_images(shape: tuple[int, ...]) -> None:
+    assert EnvironmentMap.from_array(np.ones(shape)).texels.shape == (4, 8, 3)
+
+
+@pytest.mark.parametrize("array", [np.ones(8), np.ones((4, 8, 2)), np.ones((0, 8, 3)), np.full((4, 8, 3), "x")])
+def test_refuses_what_is_no_image(array: np.ndarray) -> None:
+    with pytest.raises(InputError, match="map.exr"):
+        EnvironmentMap.from_array(array, "map.exr")
+
+
+def test_repairs_and_counts_bad_texels() -> None:
+    texels = np.ones((4, 8, 3), dtype=np.float32)
+    texels[0, 0] = np.nan
+    texels[1, 1, 2] = np.inf
+    texels[2, 2:5] = -3
+    texels[3, 3] = 7
+    with pytest.warns(EnvironmentMapWarning, match=r"m: 1 NaN, 1 infinite, 3 negative texel"):
+        repaired = EnvironmentMap.from_array(texels, "m").texels
+    assert repaired[0, 0].tolist() == [0, 0, 0]
+    assert repaired[1, 1].tolist() == [1, 1, 7]
+    assert (repaired[2, 2:5] == 0).all()
+
+
+def test_sound_maps_are_left_alone() -> None:
+    texels = np.random.default_rng(0).random((4, 8, 3)).astype(np.float32)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert np.array_equal(EnvironmentMap.from_array(texels).texels, texels)
+
+
+def test_other_proportions_are_taken_with_a_warning() -> None:
+    with pytest.warns(EnvironmentMapWarning, match="7x5 is not 2:1"):
+        EnvironmentMap.from_array(np.ones((5, 7, 3)), "m")
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 2), (2, 4), (3, 1)])
+def test_small_maps_are_padded_as_mitsuba_does(shape: tuple[int, int]) -> None:
+    texels = np.random.default_rng(0).random((*shape, 3)).astype(np.float32)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        ours = EnvironmentMap.from_array(texels).texels
+    emitter = mi.load_dict({"type": "envmap", "bitmap": mi.Bitmap(texels)})
+    np.testing.assert_array_equal(ours, mi.traverse(emitter)["data"].numpy()[:, 1:-1])
+
+
+def test_cell_energy_integrates_the_bilinear_radiance() -> None:
+    environment = EnvironmentMap.from_array(hall_map())
+    height, width = environment.height, environment.width
+    i, j, fine = 7, 31, 400
+    s, t = np.meshgrid(*2 * [(np.arange(fine) + 0.5) / fine])
+    y = environment.luminance
+    bilinear = (1 - t) * ((1 - s) * y[i, j] + s * y[i, j + 1]) + t * ((1 - s) * y[i + 1, j] + s * y[i + 1, j + 1])
+    area = 2 * np.pi / width * np.pi / (height - 1)
+    numeric = (bilinear * np.sin(np.pi * (i + t) / (height - 1))).mean() * area
+    assert environment.cell_energy[i, j] == pytest.approx(numeric, rel=1e-5)
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".hdr", ".pfm"])
+def test_reads_files(tmp_path: Path, suffix: str) -> None:
+    texels = np.full((4, 8, 3), 0.5, dtype=np.float32)
+    path = tmp_path / f"map{suffix}"
+    mi.Bitmap(texels).write(str(path))
+    np.testing.assert_allclose(EnvironmentMap.load(path).texels, texels, rtol=1e-2)
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".hdr", ".pfm"])
+def test_truncated_files_are_refused(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"map{suffix}"
+    mi.Bitmap(np.random.default_rng(0).random((64, 128, 3)).astype(np.float32)).write(str(path))
+    path.write_bytes(path.read_bytes()[:-2000])
+    with pytest.raises(InputError, match="cannot be read as an image") as error:
+        EnvironmentMap.load(path)
+    assert "\n" not in str(error.value)
+
+
+def test_missing_and_foreign_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        EnvironmentMap.load(tmp_path / "none.exr")
+    (tmp_path / "text.exr").write_text("not an image")
+    with pytest.raises(InputError, match="cannot be read as an image"):
+        EnvironmentMap.load(tmp_path / "text.exr")
