@@ -80,20 +80,23 @@ def test_bad_properties_are_refused(bad: dict[str, object]) -> None:
         mi.load_dict({"type": "direct_stratified", **bad})
 
 
-def test_compile_time_does_not_grow_with_strata_and_proposals() -> None:
-    """One kernel serves every N and M: after the first, nothing is compiled."""
+def test_kernels_do_not_grow_with_strata_and_proposals() -> None:
     import drjit as dr
 
     scene = mi.load_dict(scene_dict("diffuse"))
-    counts = []
-    for strata, proposals in ((4, 1), (8, 1), (64, 1), (64, 16)):
+    operations, kernels = [], set()
+    for strata, proposals in ((1, 1), (4, 1), (8, 1), (16, 2), (37, 1), (64, 1), (64, 16), (64, 50)):
         integrator = mi.load_dict({"type": "direct_stratified", "strata": strata, "proposals": proposals})
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
             dr.kernel_history_clear()
-            mi.render(scene, integrator=integrator, spp=1, seed=strata)
+            mi.render(scene, integrator=integrator, spp=1)
             dr.sync_thread()
-            counts.append({k["hash"] for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT})
-    assert all(later <= counts[0] for later in counts[1:])
+            history = [kernel for kernel in dr.kernel_history() if kernel["type"] == dr.KernelType.JIT]
+        main = max(history, key=lambda kernel: kernel["operation_count"])
+        operations.append(main["operation_count"])
+        kernels.add(main["hash"])
+    assert max(operations) < 1.02 * min(operations)
+    assert len(kernels) <= 2  # Dr.Jit addresses memory in two ways, not as many as there are settings
 
 
 def test_usable_inside_other_integrators() -> None:

@@ -11,8 +11,12 @@ from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
 
-INTEGRATORS = ("direct_stratified",)
-"""Names of the plugins; each is the module of that name in ``stratalux.integrators``, with a ``plugin`` factory."""
+INTEGRATORS = (
+    "direct_stratified",
+    "mitsuba_own",
+)
+"""Modules of ``stratalux.integrators``, a line each. A module lists its ``TECHNIQUES``, and in ``PLUGINS`` the
+integrators that it brings, by the name that Mitsuba's scenes use."""
 
 _SHARED = ("stratalux.sampling", "stratalux.environment", "stratalux.integrators.common")
 _loaded_for: str | None = None
@@ -46,11 +50,21 @@ def _register_variant(variant: str) -> None:
             module = sys.modules.get(name)
             importlib.import_module(name) if module is None else importlib.reload(module)
         _loaded_for = variant
-    for name in INTEGRATORS:
-        if supported:
-            mi.register_integrator(name, sys.modules[f"stratalux.integrators.{name}"].plugin)
-        else:
+    if supported:
+        for module in integrator_modules():
+            for name, plugin in module.PLUGINS.items():
+                mi.register_integrator(name, plugin)
+    else:
+        # Their classes cannot even be defined here; the names of our plugins are those of their modules.
+        for name in INTEGRATORS:
             mi.register_integrator(name, _refusal(name, variant))
+
+
+def integrator_modules() -> list[ModuleType]:
+    """The modules of :data:`INTEGRATORS`, as loaded for the variant that is active."""
+    if _loaded_for is None:
+        raise RuntimeError("no vectorised Mitsuba variant has been set; mitsuba.set_variant('llvm_ad_rgb')")
+    return [sys.modules[f"stratalux.integrators.{name}"] for name in INTEGRATORS]
 
 
 def _refusal(name: str, variant: str) -> Any:

@@ -137,11 +137,3 @@ def target(g: mi.Spectrum) -> mi.Float:
     if mi.is_rgb:
         return mi.luminance(g)
     return dr.mean(g)
-
-
-def positive_int(props: mi.Properties, name: str, default: int) -> int:
-    """An integer property of at least 1; raises ValueError that names it."""
-    value = props.get(name, default)
-    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        raise ValueError(f"{props.plugin_name()}: '{name}' is {value!r}; give an integer of at least 1")
-    return value

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 
 from ..environment import Strata, StrataCache, image_emitter
-from .common import DirectIntegrator, positive_int, target
+from ..techniques import Property, Technique, properties_from
+from .common import DirectIntegrator, target
+
+STRATIFIED = Technique(
+    name="stratified",
+    plugin="direct_stratified",
+    summary="one shadow ray to each region of a median cut, chosen by resampling",
+    source="Mei, Jaeger and Hu 2006, equations (5) and (6)",
+    unbiased=True,
+    properties={
+        "strata": Property(64, "regions of the map, N", minimum=1),
+        "proposals": Property(1, "proposals in each region, M", minimum=1),
+    },
+    rays=("strata",),
+)
+TECHNIQUES = (STRATIFIED,)
 
 
 class DirectStratified(DirectIntegrator):
@@ -43,8 +56,9 @@ class DirectStratified(DirectIntegrator):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        self.strata = positive_int(props, "strata", 64)
-        self.proposals = positive_int(props, "proposals", 1)
+        settings = properties_from(STRATIFIED, props)
+        self.strata = int(settings["strata"])
+        self.proposals = int(settings["proposals"])
         self._cache = StrataCache()
 
     def shadow_rays(self) -> int:
@@ -104,5 +118,4 @@ class DirectStratified(DirectIntegrator):
         return f"DirectStratified[strata = {self.strata}, proposals = {self.proposals}]"
 
 
-def plugin(props: mi.Properties) -> Any:
-    return DirectStratified(props)
+PLUGINS = {"direct_stratified": DirectStratified}

@@ -1,0 +1,88 @@
+"""Render the pictures of docs/gallery.md from the test assets: python -m scripts.gallery [NAME ...]."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import mitsuba as mi
+
+import stratalux
+from stratalux import EnvironmentMap, load_scene, median_cut
+from stratalux.image import tonemap, write_atomically
+from stratalux.picture import draw_regions
+
+ROOT = Path(__file__).parents[1]
+ASSETS = Path(os.environ.get("STRATALUX_ASSETS", ROOT.parent / "shared" / "assets"))
+GALLERY = ROOT / "docs" / "gallery"
+GRACE = ASSETS / "envmaps" / "grace_latlong.exr"
+MESHES = {"buddha": ASSETS / "meshes" / "happy_buddha.obj", "teapot": ASSETS / "meshes" / "teapot.obj"}
+STRATA = (16, 32, 64, 256)
+MAPS = ("venice", "studio", "forest", "night", "sky", "apartment", "warehouse")
+
+
+def save(name: str, pixels: object, quality: int = 85) -> None:
+    write_atomically(GALLERY / f"{name}.jpg", lambda path: mi.Bitmap(pixels).write(path, quality=quality))
+    print(name, flush=True)
+
+
+def render(name: str, scene: mi.Scene, **options: int) -> None:
+    save(name, tonemap(stratalux.render(scene, **options).image))
+
+
+def figure_1() -> None:
+    environment = EnvironmentMap.load(GRACE)
+    save("grace-64-regions", draw_regions(environment, median_cut(environment, 64)))
+
+
+def grace(mesh: str) -> None:
+    """Strata and proposals on a diffuse and a glossy surface."""
+    for material, proposals, spp in (("diffuse", 1, 4), ("metal", 1, 1), ("metal", 50, 1)):
+        scene = load_scene(MESHES[mesh], environment=GRACE, rotate=(180, 0, 0), material=material)
+        for strata in STRATA:
+            render(f"{mesh}-{material}-{strata}-{proposals}", scene, strata=strata, proposals=proposals, spp=spp)
+
+
+def maps() -> None:
+    for i, name in enumerate(MAPS):
+        mesh = ("buddha", "teapot")[i % 2]
+        material = ("plastic", "copper", "ceramic", "gold")[i % 4]
+        scene = load_scene(MESHES[mesh], environment=ASSETS / "envmaps" / f"{name}.hdr", material=material)
+        render(f"map-{name}", scene, strata=64, proposals=4, spp=32)
+
+
+def matpreview() -> None:
+    render("matpreview", load_scene(ASSETS / "scenes" / "matpreview" / "matpreview.xml"), strata=64, spp=64)
+
+
+def demo() -> None:
+    render("demo", load_scene("demo", size=(900, 600)), strata=64, proposals=2, spp=64)
+
+
+PARTS: dict[str, Callable[[], None]] = {
+    "figure-1": figure_1,
+    "buddha": lambda: grace("buddha"),
+    "teapot": lambda: grace("teapot"),
+    "maps": maps,
+    "matpreview": matpreview,
+    "demo": demo,
+}
+
+
+def main() -> None:
+    names = sys.argv[1:] or list(PARTS)
+    unknown = [name for name in names if name not in PARTS]
+    if unknown:
+        sys.exit(f"unknown part {unknown[0]}; known: {', '.join(PARTS)}")
+    if not ASSETS.is_dir():
+        sys.exit(f"needs the test assets: set STRATALUX_ASSETS (looked in {ASSETS})")
+    mi.set_variant("llvm_ad_rgb")
+    GALLERY.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        PARTS[name]()
+
+
+if __name__ == "__main__":
+    main()

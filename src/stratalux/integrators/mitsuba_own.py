@@ -1,0 +1,32 @@
+"""Mitsuba's own integrators, as they are, to compare with."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..techniques import Property, Technique
+
+TECHNIQUES = (
+    Technique(
+        name="direct",
+        plugin="direct",
+        summary="Mitsuba's direct light: emitter and BSDF samples under MIS",
+        source="Veach and Guibas 1995 (power heuristic); Mitsuba 3",
+        unbiased=True,
+        properties={
+            "emitter_samples": Property(1, "shadow rays to the emitters", minimum=0),
+            "bsdf_samples": Property(1, "rays drawn from the BSDF", minimum=0),
+        },
+        rays=("emitter_samples", "bsdf_samples"),
+    ),
+    Technique(
+        name="path",
+        plugin="path",
+        summary="Mitsuba's path tracer, one bounce: one emitter and one BSDF sample under MIS",
+        source="Mitsuba 3",
+        unbiased=True,
+        fixed={"max_depth": 2},
+        rays_per_sample=2,
+    ),
+)
+PLUGINS: dict[str, Any] = {}
