@@ -54,3 +54,16 @@ def row_weights(height: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def cell_solid_angle(height: int, width: int) -> NDArray[np.float64]:
     """Solid angle in steradians of one cell of each row, shape (height − 1,)."""
     return 2 * np.pi / width * -np.diff(np.cos(np.linspace(0, np.pi, height)))
+
+
+def texel_solid_angle(height: int, width: int) -> NDArray[np.float64]:
+    """Solid angle in steradians that each texel stands for, (height, width), read-only; their sum is 4π.
+
+    It is the integral of the texel's hat function, so that Σ L · weight over the texels is exactly the integral over
+    solid angle of the bilinear radiance.
+    """
+    upper, lower = row_weights(height)
+    rows = np.zeros(height)
+    rows[:-1] += upper
+    rows[1:] += lower
+    return np.broadcast_to(2 * np.pi / width * rows[:, None], (height, width))
