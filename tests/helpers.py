@@ -115,7 +115,8 @@ def runs(scene: mi.Scene, integrator: dict[str, Any] | mi.Integrator, spp: int, 
 def assert_same_mean(a: NDArray[Any], b: NDArray[Any]) -> None:
     """Welch's t-test of two stacks of independent images, for each pixel and channel and for the mean of each channel.
 
-    The level :data:`ALPHA` holds for all comparisons together.
+    The level :data:`ALPHA` holds for all comparisons together. A pixel whose mean is not known to a fifth on both sides
+    gets its light from rare events, and no normal statistic judges it; at most one in twenty may be so.
     """
     assert np.isfinite(a).all() and np.isfinite(b).all()
     samples = [
@@ -126,8 +127,11 @@ def assert_same_mean(a: NDArray[Any], b: NDArray[Any]) -> None:
     for (x, y), what in zip(samples, ("pixel", "mean"), strict=True):
         constant = (x.var(axis=0) == 0) & (y.var(axis=0) == 0)
         np.testing.assert_allclose(x.mean(axis=0)[constant], y.mean(axis=0)[constant], rtol=1e-5, atol=1e-7)
-        p = stats.ttest_ind(x[:, ~constant], y[:, ~constant], axis=0, equal_var=False).pvalue
+        known = np.all([s.std(axis=0, ddof=1) <= 0.2 * np.sqrt(len(s)) * s.mean(axis=0) for s in (x, y)], axis=0)
+        tested = known & ~constant
+        assert tested.sum() >= 0.95 * (~constant).sum()
+        p = stats.ttest_ind(x[:, tested], y[:, tested], axis=0, equal_var=False).pvalue
         if p.size:
             worst = int(np.argmin(p))
-            left, right = x.mean(axis=0)[~constant][worst], y.mean(axis=0)[~constant][worst]
+            left, right = x.mean(axis=0)[tested][worst], y.mean(axis=0)[tested][worst]
             assert p[worst] > sidak(comparisons), f"{what} {worst}: {left:.6g} against {right:.6g}, p = {p[worst]:.2g}"

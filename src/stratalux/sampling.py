@@ -34,7 +34,8 @@ class RegionTables:
     ``cdf`` ((H − 1) W,) uint32: region after region, the cumulative units of its cells, row-major, own cell included.
     ``slots`` uint32: region after region, 2^k + 1 indices of the first cell that reaches into each of its 2^k slots.
     ``layout`` (N, 8) uint32: y0, x0, width of the region, its first entry in ``cdf``, its first entry in ``slots``,
-    31 − k, 0, 0. ``corners`` (H, W + 1) float32: luminance of the texels, the first column repeated at the end.
+    31 − k, height of the region, 0.
+    ``corners`` (H, W + 1) float32: luminance of the texels, the first column repeated at the end.
     ``row_weight`` (H − 1, 2) float32: :func:`stratalux.geometry.row_weights`, up to a factor for each row.
     """
 
@@ -59,7 +60,7 @@ class RegionTables:
             begins = np.arange((1 << bits) + 1, dtype=np.uint32) << np.uint32(_BITS - bits)
             region_slots = np.minimum(units.searchsorted(begins, side="right"), units.size - 1).astype(np.uint32)
             slots.append(region_slots)
-            layout[i, :6] = y0, x0, x1 - x0, first_cell, first_slot, _BITS - bits
+            layout[i, :7] = y0, x0, x1 - x0, first_cell, first_slot, _BITS - bits, y1 - y0
             first_cell, first_slot = last_cell, first_slot + region_slots.size
         corners = np.concatenate([environment.luminance, environment.luminance[:, :1]], axis=1)
         weight = np.stack(row_weights(environment.height), axis=1)
@@ -104,7 +105,7 @@ class RegionSampler:
         tables = RegionTables.build(environment, regions)
         self.count = len(regions)
         self.height, self.width = regions.shape
-        self._regions = regions
+        self.regions = regions
         self._cdf = mi.UInt32(tables.cdf)
         self._slots = mi.UInt32(tables.slots)
         self._layout = mi.UInt32(tables.layout.ravel())
@@ -112,7 +113,6 @@ class RegionSampler:
         self._row_weight = mi.Float(tables.row_weight.ravel())
         self._index_map: mi.UInt32 | None = None
 
-    @dr.syntax
     def sample(
         self, region: mi.UInt32, u_cell: mi.Point2f, u_inside: mi.Point2f, active: mi.Bool | bool = True
     ) -> DirectionSample:
@@ -121,19 +121,52 @@ class RegionSampler:
         Of the uniform random numbers ``u_cell.x`` chooses the cell, refined by ``u_cell.y`` below the resolution of
         single precision; ``u_inside`` chooses the point in the cell. The pdf is 0 if the region has no energy.
         """
+        return self._invert(region, _units(u_cell.x, u_cell.y), u_inside, active)
+
+    def sample_2d(
+        self,
+        region: mi.UInt32,
+        u: mi.Point2f,
+        u_fine: mi.Point2f,
+        u_inside: mi.Point2f,
+        active: mi.Bool | bool = True,
+    ) -> DirectionSample:
+        """Draw from the same density, the row of cells by ``u.y`` and the cell in it by ``u.x``.
+
+        This keeps the two-dimensional stratification of low-discrepancy points, for the price of a search for the row.
+        ``u_fine`` refines ``u`` below the resolution of single precision.
+        """
+        _, _, width, first_cell = dr.gather(mi.Vector4u, self._layout, 2 * region, active)
+        rows = dr.gather(mi.UInt32, self._layout, 8 * region + 6, active)
+        target = _units(u.y, u_fine.y)
+
+        def below(row: mi.UInt32) -> mi.UInt32:
+            """Units of all rows before ``row``."""
+            return dr.gather(mi.UInt32, self._cdf, first_cell + row * width - 1, (row > 0) & active)
+
+        row = dr.binary_search(0, self.height - 2, lambda r: (r + 1 < rows) & (below(r + 1) <= target))
+        start = below(row)
+        span = mi.UInt64(below(row + 1) - start)
+        u_x = start + mi.UInt32((span * mi.UInt64(_units(u.x, u_fine.x))) >> _BITS)
+        return self._invert(region, u_x, u_inside, active)
+
+    @dr.syntax
+    def _invert(
+        self, region: mi.UInt32, u: mi.UInt32, u_inside: mi.Point2f, active: mi.Bool | bool = True
+    ) -> DirectionSample:
+        """The direction at ``u`` units of the region's CDF."""
         y0, x0, width, first_cell = dr.gather(mi.Vector4u, self._layout, 2 * region, active)
         first_slot, shift, _, _ = dr.gather(mi.Vector4u, self._layout, 2 * region + 1, active)
 
-        # ----- Invert the CDF: the first cell whose cumulative units exceed u -----
-        u = (mi.UInt32(u_cell.x * (1 << 23)) << (_BITS - 23)) | mi.UInt32(u_cell.y * (1 << (_BITS - 23)))
+        # ----- The first cell whose cumulative units exceed u -----
         slot = first_slot + (u >> shift)
         cell = dr.gather(mi.UInt32, self._slots, slot, active)
         last = dr.gather(mi.UInt32, self._slots, slot + 1, active)
         while cell < last:
             middle = (cell + last) >> 1
-            below = dr.gather(mi.UInt32, self._cdf, first_cell + middle) <= u
-            cell = dr.select(below, middle + 1, cell)
-            last = dr.select(below, last, middle)
+            exceeds = dr.gather(mi.UInt32, self._cdf, first_cell + middle) > u
+            last = dr.select(exceeds, middle, last)
+            cell = dr.select(exceeds, cell, middle + 1)
 
         # In single precision the quotient can be off by one where a region has more than 2²⁴ cells.
         row = mi.UInt32((mi.Float(cell) + 0.5) / mi.Float(width))
@@ -150,7 +183,7 @@ class RegionSampler:
     def pdf(self, d: mi.Vector3f, active: mi.Bool | bool = True) -> tuple[mi.Float, mi.UInt32]:
         """Density at the unit direction ``d`` (map's frame) of the region that contains it, and that region's index."""
         if self._index_map is None:
-            self._index_map = mi.UInt32(self._regions.index_map().astype(np.uint32).ravel())
+            self._index_map = mi.UInt32(self.regions.index_map().astype(np.uint32).ravel())
         u = dr.atan2(d.x, -d.z) * dr.inv_two_pi * self.width - 0.5
         u = dr.select(u < 0, u + self.width, u)
         # The arc cosine would lose most of its digits near the poles.
@@ -200,6 +233,11 @@ class RegionSampler:
             d=mi.Vector3f(sin_phi * sin_theta, cos_theta, -cos_phi * sin_theta),
             pdf=dr.select((pdf_cell > 0) & (sin_theta > 0), pdf, 0),
         )
+
+
+def _units(u: mi.Float, u_fine: mi.Float) -> mi.UInt32:
+    """A uniform integer below 2³¹ from a uniform float, which has 23 random bits, and another for the rest."""
+    return (mi.UInt32(u * (1 << 23)) << (_BITS - 23)) | mi.UInt32(u_fine * (1 << (_BITS - 23)))
 
 
 def _rcp_mean(corners: tuple[mi.Float, mi.Float, mi.Float, mi.Float]) -> mi.Float:

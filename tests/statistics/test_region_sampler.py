@@ -69,10 +69,16 @@ def expected(sampler: RegionSampler, height: int, width: int) -> tuple[NDArray[n
     return mass, region.numpy().astype(np.int64)
 
 
-def histogram(sampler: RegionSampler, region: int, height: int, width: int) -> NDArray[np.int64]:
+def histogram(
+    sampler: RegionSampler, region: int, height: int, width: int, two_dimensional: bool = False
+) -> NDArray[np.int64]:
     generator = mi.load_dict({"type": "independent"})
     generator.seed(region + 1, SAMPLES)
-    sample = sampler.sample(mi.UInt32(region), generator.next_2d(), generator.next_2d())
+    if two_dimensional:
+        u, fine, inside = (generator.next_2d() for _ in range(3))
+        sample = sampler.sample_2d(mi.UInt32(region), u, fine, inside)
+    else:
+        sample = sampler.sample(mi.UInt32(region), generator.next_2d(), generator.next_2d())
     # Only a point that rounds to a pole or to a black corner may have no density.
     assert (sample.pdf.numpy() == 0).mean() < 1e-5
     rows, columns = SUB * (height - 1), SUB * width
@@ -177,3 +183,28 @@ def test_a_black_region_has_no_density() -> None:
     sample = sampler.sample(mi.UInt32([0, 0]), mi.Point2f(0.3, 0.9), mi.Point2f(0.5, 0.1))
     assert (sample.pdf.numpy() == 0).all()
     assert np.isfinite(sample.d.numpy()).all()
+
+
+def test_rolling_the_map_rolls_the_density() -> None:
+    texels, k = hall_map(24, 48), 7
+    generator = mi.load_dict({"type": "independent"})
+    generator.seed(9, 20000)
+    d = mi.warp.square_to_uniform_sphere(generator.next_2d())
+    angle = 2 * np.pi * k / 48
+    turned = mi.Vector3f(d.x * np.cos(angle) - d.z * np.sin(angle), d.y, d.x * np.sin(angle) + d.z * np.cos(angle))
+    env, rolled = EnvironmentMap(texels), EnvironmentMap(np.roll(texels, k, axis=1))
+    before = RegionSampler(env, median_cut(env, 1)).pdf(d)[0].numpy()
+    after = RegionSampler(rolled, median_cut(rolled, 1)).pdf(turned)[0].numpy()
+    close = np.isclose(before, after, rtol=1e-2)
+    assert close.mean() > 0.99  # all but points that round across a border of cells
+
+
+@pytest.mark.parametrize("n", [1, 5])
+@pytest.mark.parametrize("name", list(MAPS))
+def test_two_dimensional_inversion_follows_the_pdf(name: str, n: int) -> None:
+    env = environment(name)
+    sampler = RegionSampler(env, median_cut(env, n))
+    mass, owner = expected(sampler, env.height, env.width)
+    region = sampler.count - 1
+    observed = histogram(sampler, region, env.height, env.width, two_dimensional=True)
+    assert chi_square(observed, np.where(owner == region, mass, 0)) > sidak(2 * len(MAPS))

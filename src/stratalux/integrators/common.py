@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
+
+from ..environment import MapLight
 
 
 class DirectIntegrator(mi.SamplingIntegrator):
@@ -63,6 +66,57 @@ class DirectIntegrator(mi.SamplingIntegrator):
         if others.lights or _has_delta(scene):
             L += others.bsdf_sampling(scene, sampler, si, bsdf, valid)
         return L, valid, []
+
+
+class MisWithBsdf:
+    """The balance heuristic between the samples that a technique takes of the map and K samples of the BSDF.
+
+    ``density(ω)`` is the expected number of map samples per steradian, the sum of the pdfs of all of them; ω is in the
+    map's frame. A map sample counts with weight density / (density + K p_b) and a BSDF sample contributes
+    L f cos / (density + K p_b), where p_b is the BSDF's pdf (Veach and Guibas 1995, the multi-sample model). As the
+    weights depend on the direction alone, they stay right where the map sample is the survivor of a resampling.
+    Delta lobes take no part: they are left to :class:`OtherEmitters`.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self.ctx = mi.BSDFContext()
+        if count:
+            self.ctx.type_mask = int(mi.BSDFFlags.Smooth)
+
+    def eval(
+        self, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, wo: mi.Vector3f, density: mi.Float, active: mi.Bool
+    ) -> mi.Spectrum:
+        """f cos for the local direction ``wo`` of a map sample, times the weight of that sample."""
+        if not self.count:
+            return bsdf.eval(self.ctx, si, wo, active)
+        value, pdf = bsdf.eval_pdf(self.ctx, si, wo, active)
+        return value * dr.select(density > 0, density / (density + self.count * pdf), 0)
+
+    @dr.syntax
+    def bsdf_samples(
+        self,
+        scene: mi.Scene,
+        light: MapLight,
+        density: Callable[[mi.Vector3f, mi.Bool], mi.Float],
+        sampler: mi.Sampler,
+        si: mi.SurfaceInteraction3f,
+        bsdf: mi.BSDFPtr,
+        active: mi.Bool,
+    ) -> mi.Spectrum:
+        """Sum of the contributions of the K BSDF samples, one ray each."""
+        K = dr.opaque(mi.UInt32, self.count)
+        L_o = mi.Spectrum(0)
+        k = mi.UInt32(0)
+        while k < K:
+            bs, weight = bsdf.sample(self.ctx, si, sampler.next_1d(active), sampler.next_2d(active), active)
+            found = active & (bs.pdf > 0) & dr.any(weight != 0) & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+            d = si.to_world(bs.wo)
+            found &= ~scene.ray_test(si.spawn_ray(d), found)
+            total = density(light.from_world(d), found) + mi.Float(K) * bs.pdf
+            L_o += dr.select(found, light.radiance_towards(d, si, found) * weight * (bs.pdf / total), 0)
+            k += 1
+        return L_o
 
 
 class OtherEmitters:

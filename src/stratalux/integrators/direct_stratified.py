@@ -5,9 +5,11 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from ..environment import Strata, StrataCache, image_emitter
+from ..environment import MapCache, MapLight
+from ..median_cut import median_cut
+from ..sampling import RegionSampler
 from ..techniques import Property, Technique, properties_from
-from .common import DirectIntegrator, target
+from .common import DirectIntegrator, MisWithBsdf, target
 
 STRATIFIED = Technique(
     name="stratified",
@@ -18,8 +20,9 @@ STRATIFIED = Technique(
     properties={
         "strata": Property(64, "regions of the map, N", minimum=1),
         "proposals": Property(1, "proposals in each region, M", minimum=1),
+        "bsdf_samples": Property(0, "BSDF samples combined with those of the map by MIS", minimum=0),
     },
-    rays=("strata",),
+    rays=("strata", "bsdf_samples"),
 )
 TECHNIQUES = (STRATIFIED,)
 
@@ -30,6 +33,7 @@ class DirectStratified(DirectIntegrator):
     ================= ======= ========================================================================
     ``strata``        int     Number of regions N that the environment map is cut into (default: 64)
     ``proposals``     int     Proposals M drawn in each region, of which one is kept (default: 1)
+    ``bsdf_samples``  int     BSDF samples K that are combined with them under MIS (default: 0)
     ``hide_emitters`` bool    Hide directly visible emitters (default: false)
     ================= ======= ========================================================================
 
@@ -51,6 +55,13 @@ class DirectStratified(DirectIntegrator):
     E[V(y) g(y)/q(y) · mean(w)] = (1/M) Σ_j E[w_j V(x_j) g(x_j)/q(x_j)] = ∫ V g dω.
     With M = 1 it is plain importance sampling of each region.
 
+    The paper holds that samples of regions cannot be combined with BSDF samples, being of another domain. They can: any
+    direction ω lies in exactly one region, from which one sample is drawn with pdf p_i(ω), so the regions together are
+    a technique that places p_i(ω) samples per steradian at ω. With K BSDF samples of pdf p_b, the balance heuristic
+    weighs a sample of the map by w = p_i / (p_i + K p_b), which enters q, and a BSDF sample by K p_b / (p_i + K p_b).
+    Both weights depend on ω alone and add up to 1, so the sum is unbiased for M > 1 too, where p_i is the density of
+    the proposals rather than that of the survivor.
+
     Other emitters, delta lobes and environments that are no image are sampled as Mitsuba's ``direct`` does.
     """
 
@@ -59,29 +70,29 @@ class DirectStratified(DirectIntegrator):
         settings = properties_from(STRATIFIED, props)
         self.strata = int(settings["strata"])
         self.proposals = int(settings["proposals"])
-        self._cache = StrataCache()
+        self.bsdf_samples = int(settings["bsdf_samples"])
+        self._cache = MapCache(lambda environment: RegionSampler(environment, median_cut(environment, self.strata)))
 
     def shadow_rays(self) -> int:
         """Shadow rays towards the environment per shading point."""
-        return self.strata
+        return self.strata + self.bsdf_samples
 
-    def prepare(self, scene: mi.Scene) -> Strata | None:
+    def prepare(self, scene: mi.Scene) -> MapLight[RegionSampler] | None:
         """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
-        emitter = image_emitter(scene)
-        return None if emitter is None else self._cache.get(emitter, self.strata)
+        return self._cache.get(scene)
 
     @dr.syntax
     def environment_light(
         self,
         scene: mi.Scene,
-        strata: Strata,
+        light: MapLight[RegionSampler],
         sampler: mi.Sampler,
         si: mi.SurfaceInteraction3f,
         bsdf: mi.BSDFPtr,
         active: mi.Bool,
     ) -> mi.Spectrum:
-        ctx = mi.BSDFContext()
-        N = dr.opaque(mi.UInt32, strata.sampler.count)
+        mis = MisWithBsdf(self.bsdf_samples)
+        N = dr.opaque(mi.UInt32, light.tables.count)
         M = dr.opaque(mi.UInt32, self.proposals)
 
         L_o = mi.Spectrum(0)  # Outgoing radiance
@@ -93,10 +104,10 @@ class DirectStratified(DirectIntegrator):
             j = mi.UInt32(0)  # Index of the proposal
             while j < M:
                 # ------------ (2): a proposal from the density of Ω_i -------------
-                x = strata.sampler.sample(i, sampler.next_2d(active), sampler.next_2d(active), active)
-                d = strata.to_world @ x.d
+                x = light.tables.sample(i, sampler.next_2d(active), sampler.next_2d(active), active)
+                d = light.to_world @ x.d
                 valid = active & (x.pdf > 0)
-                g = strata.radiance(si, x.uv, valid) * bsdf.eval(ctx, si, si.to_local(d), valid)
+                g = light.radiance(si, x.uv, valid) * mis.eval(si, bsdf, si.to_local(d), x.pdf, valid)
 
                 # ------- (3): keep it with probability w_ij / Σ_j w_ij ------------
                 q = target(g)
@@ -112,10 +123,18 @@ class DirectStratified(DirectIntegrator):
             visible = lit & ~scene.ray_test(si.spawn_ray(y), lit)
             L_o += dr.select(visible, g_q * (w_sum / mi.Float(M)), 0)
             i += 1
+
+        if dr.hint(self.bsdf_samples > 0, mode="scalar"):
+            L_o += mis.bsdf_samples(
+                scene, light, lambda d, active: light.tables.pdf(d, active)[0], sampler, si, bsdf, active
+            )
         return L_o
 
     def to_string(self) -> str:
-        return f"DirectStratified[strata = {self.strata}, proposals = {self.proposals}]"
+        return (
+            f"DirectStratified[strata = {self.strata}, proposals = {self.proposals}, "
+            f"bsdf_samples = {self.bsdf_samples}]"
+        )
 
 
 PLUGINS = {"direct_stratified": DirectStratified}

@@ -1,0 +1,103 @@
+"""Every technique that claims to be unbiased, as the registry lists them, against an estimator of another family."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import mitsuba as mi
+import pytest
+from numpy.typing import NDArray
+
+from stratalux.techniques import parse_technique, techniques
+from tests.helpers import assert_same_mean, runs, scene_dict
+
+mi.set_variant("llvm_ad_rgb")
+UNBIASED = [name for name, technique in techniques().items() if technique.unbiased and name != "direct"]
+RUNS = 32
+VARIATIONS = [
+    "stratified:strata=16,bsdf_samples=1",
+    "stratified:strata=5,proposals=8,bsdf_samples=3",
+    "importance:samples=1",
+    "importance:samples=7,sequence=independent",
+    "importance:samples=4,proposals=32",
+    "importance:samples=1,proposals=9,sequence=independent",
+    "importance:samples=4,bsdf_samples=2",
+    "importance:samples=4,proposals=16,bsdf_samples=2",
+]
+
+
+@cache
+def reference(material: str) -> NDArray[Any]:
+    scene = mi.load_dict(scene_dict(material))
+    return runs(scene, {"type": "direct", "emitter_samples": 2, "bsdf_samples": 1}, 2048, RUNS, seed=10_000)
+
+
+@pytest.mark.parametrize("material", ["diffuse", "roughconductor"])
+@pytest.mark.parametrize("text", [*UNBIASED, *VARIATIONS])
+def test_no_bias(text: str, material: str) -> None:
+    technique, given = parse_technique(text)
+    scene = mi.load_dict(scene_dict(material))
+    spp = max(32, 1024 // technique.shadow_rays(given))
+    assert_same_mean(runs(scene, technique.integrator(given), spp, RUNS, seed=0), reference(material))
+
+
+@pytest.mark.parametrize("text", ["stratified:strata=8,bsdf_samples=2", "importance:samples=8,bsdf_samples=2"])
+@pytest.mark.parametrize("material", ["plastic", "mirror"])
+def test_delta_lobes_are_counted_once(text: str, material: str) -> None:
+    technique, given = parse_technique(text)
+    scene = mi.load_dict(scene_dict(material))
+    direct = {"type": "direct", "emitter_samples": 2, "bsdf_samples": 2}
+    assert_same_mean(runs(scene, technique.integrator(given), 256, RUNS, 0), runs(scene, direct, 1024, RUNS, 10_000))
+
+
+@pytest.mark.parametrize("text", ["stratified:strata=8,bsdf_samples=2", "importance:samples=8,bsdf_samples=2"])
+def test_area_lights_are_counted_once(text: str) -> None:
+    technique, given = parse_technique(text)
+    lamp = {
+        "type": "rectangle",
+        "to_world": mi.ScalarTransform4f().translate([-1.5, 2, 1.5]).rotate([1, 0, 0], 90).scale(0.4),
+        "emitter": {"type": "area", "radiance": {"type": "rgb", "value": [6, 4, 2]}},
+    }
+    scene = mi.load_dict(scene_dict("roughconductor", lamp=lamp))
+    ours = runs(scene, technique.integrator(given), 256, RUNS, 0)
+    assert_same_mean(ours, runs(scene, {"type": "direct"}, 2048, RUNS, 10_000))
+
+
+@pytest.mark.parametrize("text", ["stratified:strata=8,bsdf_samples=1", "importance:samples=4,proposals=16"])
+@pytest.mark.parametrize("variant", ["llvm_ad_mono", "llvm_ad_spectral"])
+def test_other_variants(variant: str, text: str) -> None:
+    mi.set_variant(variant)
+    technique, given = parse_technique(text)
+    scene = mi.load_dict(scene_dict("roughconductor"))
+    ours = runs(scene, technique.integrator(given), 128, RUNS, 0)
+    assert_same_mean(ours, runs(scene, {"type": "direct"}, 1024, RUNS, 10_000))
+
+
+def test_low_discrepancy_points_beat_independent_ones() -> None:
+    scene = mi.load_dict(scene_dict("diffuse"))
+    spread = {
+        sequence: runs(
+            scene,
+            parse_technique(f"importance:sequence={sequence}")[0].integrator({"sequence": sequence, "samples": 64}),
+            4,
+            16,
+            0,
+        )
+        .var(axis=0)
+        .mean()
+        for sequence in ("sobol", "independent")
+    }
+    assert spread["sobol"] < 0.8 * spread["independent"]
+
+
+def test_bsdf_samples_help_on_shiny_surfaces() -> None:
+    description = scene_dict("roughconductor")
+    description["ball"]["bsdf"] = {"type": "roughconductor", "alpha": 0.05}
+    scene = mi.load_dict(description)
+    technique, _ = parse_technique("stratified")
+    without, with_samples = (
+        runs(scene, technique.integrator({"strata": 16, "bsdf_samples": k}), 4, 16, 0).var(axis=0).mean()
+        for k in (0, 1)
+    )
+    assert with_samples < 0.5 * without
