@@ -15,7 +15,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from stratalux.cli import main
+from stratalux.cli import cli, main
+from stratalux.rigs import RIGS
+from stratalux.techniques import techniques
 from tests.helpers import asset, hall_map
 
 CUBE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -122,6 +124,30 @@ def test_stratify_draws_and_lists(monkeypatch: pytest.MonkeyPatch, capsys: pytes
     assert len(json.loads(captured.out)["regions"]) == 2 and "cut in" in captured.err
 
 
+def test_techniques_are_rendered_by_name(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    size = ("--size", "12x8", "--spp", "8")
+    for text in ("stratified:strata=8", "importance:samples=8", "direct", "kmeans:lights=8,jitter=true"):
+        assert run(monkeypatch, "render", "scene.xml", "--technique", text, *size, "-o", "a.exr") == 0
+        assert mi.Bitmap("a.exr").metadata()["technique"] == text.partition(":")[0]
+    assert run(monkeypatch, "techniques") == 0
+    lines = capsys.readouterr().out.splitlines()
+    for name in techniques():
+        assert any(line.startswith(name) for line in lines)
+
+
+def test_rigs_are_written_and_drawn(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    for method in RIGS:
+        arguments = ("rig", "map.exr", "--method", method, "-n", "12", "-o", "rig.json", "--plot", "rig.png")
+        assert run(monkeypatch, *arguments) == 0
+        rig = json.loads(Path("rig.json").read_text())
+        assert len(rig["lights"]) == 12 and rig["method"] == method and rig["preprocessing_seconds"] > 0
+        assert set(rig["lights"][0]) == {"direction", "colour", "solid_angle"}
+        assert mi.Bitmap("rig.png").width() >= 1024
+        assert f"12 light(s) by {method}" in capsys.readouterr().out
+    assert run(monkeypatch, "rig", "map.exr", "-n", "2", "-o", "-") == 0
+    assert len(json.loads(capsys.readouterr().out)["lights"]) == 2
+
+
 def test_doctor_and_completion(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(monkeypatch, "doctor") == 0
     out = capsys.readouterr().out
@@ -131,7 +157,7 @@ def test_doctor_and_completion(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
         assert "_STRATALUX_COMPLETE" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", [(), ("render",), ("stratify",), ("doctor",), ("completion",)])
+@pytest.mark.parametrize("command", [(), *((name,) for name in cli.commands)])
 def test_help_has_examples(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: tuple[str, ...]
 ) -> None:
@@ -197,6 +223,19 @@ def spoil() -> None:
         ("render scene.xml -D nonsense=3", "nonsense"),
         ("render", "SCENE"),
         ("render demo --nonsense", "nonsense"),
+        ("render demo --technique nonsense", "nonsense"),
+        ("render demo --technique stratified:strata", "key=value"),
+        ("render demo --technique stratified:strata=0", "strata"),
+        ("render demo --technique stratified:strata=many", "strata"),
+        ("render demo --technique stratified:colour=3", "colour"),
+        ("render demo --technique importance:sequence=halton", "halton"),
+        ("render demo --technique path --strata 4", "strata"),
+        ("rig none.exr", "no such file"),
+        ("rig map.exr -n 0", "-n"),
+        ("rig map.exr -n 1000000", "1000000"),
+        ("rig map.exr --method nonsense", "nonsense"),
+        ("rig map.exr --plot a.exr", "unknown image format"),
+        ("rig map.exr -o no/such/rig.json", "cannot be written"),
         ("nonsense", "nonsense"),
         ("stratify none.exr", "no such file"),
         ("stratify map.exr -n 0", "-n"),

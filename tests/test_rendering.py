@@ -86,7 +86,7 @@ def test_metadata_is_in_the_file(tmp_path: Path) -> None:
 def test_bad_requests() -> None:
     with pytest.raises(InputError, match="sensor 3: the scene has 1"):
         stratalux.render(scene(), sensor=3)
-    with pytest.raises(RuntimeError, match="strata"):
+    with pytest.raises(InputError, match="strata: 0 is too small"):
         stratalux.render(scene(), strata=0)
     mi.set_variant("scalar_rgb")
     with pytest.raises(InputError, match="vectorised"):

@@ -58,7 +58,7 @@ def check_writable(path: str | Path) -> None:
 def write_image(
     path: str | Path,
     bitmap: mi.Bitmap,
-    metadata: Mapping[str, str | int | float] | None = None,
+    metadata: Mapping[str, bool | str | int | float] | None = None,
     exposure: float | None = None,
 ) -> None:
     """Write ``bitmap`` (linear, floating point) by the suffix of ``path``; the file appears complete or not at all.

@@ -14,6 +14,7 @@ from typing import Any
 INTEGRATORS = (
     "direct_stratified",
     "direct_importance",
+    "direct_lights",
     "mitsuba_own",
 )
 """Modules of ``stratalux.integrators``, a line each. A module lists its ``TECHNIQUES``, and in ``PLUGINS`` the

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .errors import InputError
 from .image import write_image
+from .techniques import Value, parse_technique
 
 _SAMPLES_PER_PASS = 1 << 25
 """Light samples in one pass: about a second on two cores. A constant, so that a seed always gives the same passes."""
@@ -38,14 +39,14 @@ class RenderResult:
     compile_seconds: float
     camera_rays: int
     shadow_rays: int
-    settings: dict[str, str | int | float]
+    settings: dict[str, Value]
 
     @property
     def image(self) -> NDArray[np.float32]:
         """Pixels (H, W, C), linear."""
         return np.array(self.bitmap)
 
-    def metadata(self) -> dict[str, str | int | float]:
+    def metadata(self) -> dict[str, Value]:
         """What the OpenEXR file remembers."""
         return {
             **self.settings,
@@ -70,8 +71,9 @@ def render(scene: mi.Scene, **options: Any) -> RenderResult:
 def render_passes(
     scene: mi.Scene,
     *,
-    strata: int = 64,
-    proposals: int = 1,
+    technique: str = "stratified",
+    strata: int | None = None,
+    proposals: int | None = None,
     hide_emitters: bool = False,
     integrator: mi.Integrator | None = None,
     spp: int = 0,
@@ -80,8 +82,10 @@ def render_passes(
 ) -> Iterator[RenderResult]:
     """Render ``scene`` pass by pass, yielding the image so far after each; leave the loop to stop.
 
-    ``strata``, ``proposals`` and ``hide_emitters`` are those of ``direct_stratified``; an ``integrator`` replaces it.
-    ``spp``: samples per pixel, 0 for the scene's own. Pass k uses ``seed`` + k. ``sensor``: index of the camera.
+    ``technique``: ``NAME[:key=value,...]``, see :func:`stratalux.techniques.techniques`; ``strata`` and ``proposals``
+    are short for those properties of ``stratified``. An ``integrator`` of your own replaces it. ``hide_emitters``:
+    leave the map out of the background. ``spp``: samples per pixel, 0 for the scene's own. Pass k uses ``seed`` + k.
+    ``sensor``: index of the camera.
     Raises :class:`InputError` for a scene without that camera and for a variant that cannot render.
     """
     if mi.variant() is None or mi.variant().startswith("scalar"):
@@ -90,25 +94,21 @@ def render_passes(
         )
     if not 0 <= sensor < len(scene.sensors()):
         raise InputError(f"sensor {sensor}: the scene has {len(scene.sensors())}; add one or choose another")
+    settings: dict[str, Value] = {}
+    rays_per_sample = 2
     if integrator is None:
-        integrator = mi.load_dict(
-            {
-                "type": "direct_stratified",
-                "strata": strata,
-                "proposals": proposals,
-                "hide_emitters": hide_emitters,
-            }
-        )
+        named, given = parse_technique(technique)
+        given |= {key: n for key, n in (("strata", strata), ("proposals", proposals)) if n is not None}
+        settings = {"technique": named.name, **named.settings(given)}
+        rays_per_sample = named.shadow_rays(given)
+        integrator = mi.load_dict({**named.integrator(given), "hide_emitters": hide_emitters})
     camera = scene.sensors()[sensor]
     film = camera.film()
     spp = spp or camera.sampler().sample_count()
     start = time.perf_counter()
-    rays_per_sample = 1
-    if hasattr(integrator, "prepare"):
-        rays_per_sample = integrator.shadow_rays() if integrator.prepare(scene) is not None else 0
-        work = rays_per_sample * max(1, getattr(integrator, "proposals", 1) // 4)
-    else:
-        work = 2
+    if hasattr(integrator, "prepare") and integrator.prepare(scene) is None:
+        rays_per_sample = 0
+    work = rays_per_sample * max(1, getattr(integrator, "proposals", 1) // 4)
     preparation = time.perf_counter() - start
 
     pixels = int(np.prod(film.crop_size()))
@@ -138,12 +138,7 @@ def render_passes(
             compile_seconds=compiling,
             camera_rays=pixels * done,
             shadow_rays=pixels * done * rays_per_sample,
-            settings={
-                "integrator": " ".join(str(integrator).split()),
-                "strata": strata,
-                "proposals": proposals,
-                "seed": seed,
-            },
+            settings={**settings, "integrator": " ".join(str(integrator).split()), "seed": seed},
         )
 
 

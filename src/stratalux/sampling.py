@@ -168,9 +168,10 @@ class RegionSampler:
             last = dr.select(exceeds, middle, last)
             cell = dr.select(exceeds, cell, middle + 1)
 
-        # In single precision the quotient can be off by one where a region has more than 2²⁴ cells.
         row = mi.UInt32((mi.Float(cell) + 0.5) / mi.Float(width))
-        row = dr.select(row * width > cell, row - 1, dr.select((row + 1) * width <= cell, row + 1, row))
+        if dr.hint(self.width * self.height >= 1 << 22, mode="scalar"):
+            # With so many cells the quotient can be off by one in single precision.
+            row = dr.select(row * width > cell, row - 1, dr.select((row + 1) * width <= cell, row + 1, row))
         x, y = x0 + (cell - row * width), y0 + row
         corners = self._cell_corners(x, y, active)
         inside, pdf_inside = mi.warp.square_to_bilinear(*corners, u_inside)

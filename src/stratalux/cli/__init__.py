@@ -9,7 +9,7 @@ import click
 
 from ..envmap import EnvironmentMapWarning
 from ..errors import InputError
-from . import completion, doctor, render, stratify
+from . import completion, doctor, render, rig, stratify, techniques
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -23,11 +23,20 @@ def cli() -> None:
       stratalux render buddha.ply --env venice.hdr --material gold -o buddha.exr
       stratalux render scene.xml --strata 64 --spp 32 -o scene.exr
       stratalux stratify venice.hdr -n 64 -o regions.png
+      stratalux rig venice.hdr --method kmeans -n 32 -o rig.json
+      stratalux techniques
       stratalux doctor
     """
 
 
-for command in (render.render, stratify.stratify, doctor.doctor, completion.completion):
+for command in (
+    render.render,
+    stratify.stratify,
+    rig.rig,
+    techniques.techniques,
+    doctor.doctor,
+    completion.completion,
+):
     cli.add_command(command)
 
 

@@ -22,8 +22,9 @@ from .options import Definition, Rotation, Size
 )
 @click.option("--env-rotate", type=Rotation(), default="0", help="Turn the map: degrees about y, or X,Y,Z, or flip.")
 @click.option("--env-scale", type=float, default=1.0, help="Brightness of the map, a factor.")
-@click.option("-N", "--strata", type=click.IntRange(min=1), default=64, show_default=True, help="Regions of the map.")
-@click.option("-M", "--proposals", type=click.IntRange(min=1), default=1, show_default=True, help="Proposals a region.")
+@click.option("-N", "--strata", type=click.IntRange(min=1), help="Regions of the map.  [default: 64]")
+@click.option("-M", "--proposals", type=click.IntRange(min=1), help="Proposals in each region.  [default: 1]")
+@click.option("-t", "--technique", metavar="NAME[:key=value,...]", help="Another technique; see stratalux techniques.")
 @click.option("-s", "--spp", type=click.IntRange(min=1), help="Samples per pixel.  [default: the scene's own, or 16]")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random numbers.")
 @click.option("--size", type=Size(), help="Film in pixels.  [default: the scene's own, or 600x400]")
@@ -56,15 +57,19 @@ def render(scene: str, **options: Any) -> None:
       stratalux render demo -o demo.exr -o demo.png
       stratalux render teapot.obj --env grace.exr --env-rotate flip --size 600x400 -o teapot.png
       stratalux render part.stl --up z --env studio.hdr --material metal --strata 32 --proposals 8
+      stratalux render demo --technique importance:samples=32,proposals=128 -o importance.png
       stratalux render matpreview.xml -D spp=64 --env forest.hdr --env-rotate 90 -o preview.exr
     """
     from ..image import check_output  # Mitsuba is imported here, not before --help
     from ..rendering import render_passes
     from ..scenes.load import load_scene
+    from ..techniques import parse_technique
     from ..variants import choose_variant
 
     outputs = [check_output(path) for path in options["output"] or (f"{Path(scene).stem}.exr",)]
     variant = choose_variant(options["variant"])
+    if options["technique"]:
+        parse_technique(options["technique"])  # a bad name is told before anything is loaded
     _set_log_level(verbose=options["verbose"])
     loaded = load_scene(
         scene,
@@ -78,6 +83,7 @@ def render(scene: str, **options: Any) -> None:
     )
     passes = render_passes(
         loaded,
+        technique=options["technique"] or "stratified",
         strata=options["strata"],
         proposals=options["proposals"],
         hide_emitters=options["hide_emitters"],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +65,14 @@ class LightRig:
         """Steradians of each stratum, (N,); their sum is 4π."""
         total = np.bincount(self.label.ravel(), texel_solid_angle(*self.shape).ravel())
         return total.astype(np.float64)
+
+    def describe(self) -> dict[str, Any]:
+        """The lights as plain numbers, ready for JSON."""
+        lights = zip(self.direction.tolist(), self.colour.tolist(), self.solid_angle.tolist(), strict=True)
+        return {
+            "method": self.method,
+            "lights": [{"direction": d, "colour": c, "solid_angle": s} for d, c, s in lights],
+        }
 
     def texels_by_light(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Table of the texels of each stratum, for jittered lights.

@@ -1,0 +1,58 @@
+"""``stratalux rig``."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import click
+
+from ..rigs import RIGS
+
+
+@click.command()
+@click.argument("map_file", metavar="MAP")
+@click.option("--method", type=click.Choice(list(RIGS)), default="median-cut", show_default=True, help="Technique.")
+@click.option("-n", "-N", "--lights", "n", type=click.IntRange(min=1), default=64, show_default=True, help="Lights.")
+@click.option("-o", "--output", help="The rig as JSON; - for standard output.")
+@click.option("--plot", help="Picture of the map with the lights and their cells (.png, .jpg).")
+@click.option("--exposure", type=float, help="Exposure of the picture in stops.  [default: automatic]")
+def rig(map_file: str, method: str, n: int, output: str | None, plot: str | None, exposure: float | None) -> None:
+    """Turn the environment map MAP into N directional lights.
+
+    The JSON lists for each light its unit direction (the map's frame, y up), its colour (linear RGB, radiance times
+    steradian: the light of its cell) and the solid angle of its cell.
+
+    \b
+    Examples:
+      stratalux rig venice.hdr --method kmeans -n 32 -o rig.json --plot rig.png
+      stratalux rig grace.exr --method structured -n 300 -o - | jq '.lights | length'
+    """
+    from ..envmap import EnvironmentMap
+    from ..image import PICTURE_SUFFIXES, check_output, check_writable, write_atomically, write_picture
+    from ..picture import draw_rig
+    from ..rigs import light_rig
+
+    if plot:
+        check_output(plot, PICTURE_SUFFIXES)
+    if output and output != "-":
+        check_writable(output)
+    environment = EnvironmentMap.load(map_file)
+    start = time.perf_counter()
+    made = light_rig(method, environment, n)
+    seconds = time.perf_counter() - start
+    if plot:
+        write_picture(plot, draw_rig(environment, made, exposure))
+    if output:
+        text = json.dumps({"map": map_file, "preprocessing_seconds": seconds, **made.describe()}, indent=1)
+        if output == "-":
+            click.echo(text)
+        else:
+            write_atomically(output, lambda name: Path(name).write_text(text + "\n", encoding="utf-8"))
+    colour = " ".join(f"{c:.4g}" for c in made.total_colour)
+    short = "" if len(made) == n else f" (of {n} asked for)"
+    click.echo(
+        f"{len(made)} light(s){short} by {method}, total colour {colour}, preprocessing {1000 * seconds:.1f} ms",
+        err=output == "-",
+    )
