@@ -8,11 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import mitsuba as mi
+import numpy as np
 
 import stratalux
 from stratalux import EnvironmentMap, load_scene, median_cut
 from stratalux.image import tonemap, write_atomically
 from stratalux.picture import draw_regions
+from stratalux.techniques import techniques as all_techniques
 
 ROOT = Path(__file__).parents[1]
 ASSETS = Path(os.environ.get("STRATALUX_ASSETS", ROOT.parent / "shared" / "assets"))
@@ -20,6 +22,8 @@ GALLERY = ROOT / "docs" / "gallery"
 GRACE = ASSETS / "envmaps" / "grace_latlong.exr"
 MESHES = {"buddha": ASSETS / "meshes" / "happy_buddha.obj", "teapot": ASSETS / "meshes" / "teapot.obj"}
 STRATA = (16, 32, 64, 256)
+EXPOSURE = 4.0
+"""Stops, for pictures that are compared."""
 MAPS = ("venice", "studio", "forest", "night", "sky", "apartment", "warehouse")
 
 
@@ -57,6 +61,23 @@ def matpreview() -> None:
     render("matpreview", load_scene(ASSETS / "scenes" / "matpreview" / "matpreview.xml"), strata=64, spp=64)
 
 
+def techniques() -> None:
+    """A strip for each technique: Buddha (diffuse) and teapot (metal) in Grace with 16 and 64 rays a shading point."""
+    scenes = [
+        load_scene(MESHES[mesh], environment=GRACE, rotate=(180, 0, 0), material=material, size=(300, 200))
+        for mesh, material in (("buddha", "diffuse"), ("teapot", "metal"))
+    ]
+    for name, technique in all_techniques().items():
+        strip = []
+        for scene in scenes:
+            for rays in (16, 64):
+                given, samples = technique.with_rays(rays)
+                integrator = mi.load_dict(technique.integrator(given))
+                image = stratalux.render(scene, integrator=integrator, spp=4 * samples).image
+                strip.append(tonemap(image, EXPOSURE))
+        save(f"technique-{name}", np.concatenate(strip, axis=1))
+
+
 def demo() -> None:
     render("demo", load_scene("demo", size=(900, 600)), strata=64, proposals=2, spp=64)
 
@@ -66,6 +87,7 @@ PARTS: dict[str, Callable[[], None]] = {
     "buddha": lambda: grace("buddha"),
     "teapot": lambda: grace("teapot"),
     "maps": maps,
+    "techniques": techniques,
     "matpreview": matpreview,
     "demo": demo,
 }
