@@ -15,6 +15,7 @@ from .geometry import LUMINANCE, row_weights
 
 MIN_HEIGHT, MIN_WIDTH = 3, 2
 """Smaller maps are padded by replication of their edge, as Mitsuba's ``envmap`` does."""
+_ROWS = 16
 
 
 class EnvironmentMapWarning(UserWarning):
@@ -93,12 +94,16 @@ def cell_energy(luminance: NDArray[np.float32]) -> NDArray[np.float64]:
     """Integral over solid angle of the bilinear ``luminance`` (H, W) in each cell, (H − 1, W); see ``row_weights``."""
     height, width = luminance.shape
     upper, lower = (np.pi / width * w[:, None] for w in row_weights(height))
-    pairs = np.empty((height, width), dtype=np.float64)
-    np.add(luminance[:, :-1], luminance[:, 1:], out=pairs[:, :-1], dtype=np.float64)
-    pairs[:, -1] = luminance[:, -1].astype(np.float64) + luminance[:, 0]
-    energy = upper * pairs[:-1]
-    pairs[1:] *= lower
-    energy += pairs[1:]
+    energy = np.empty((height - 1, width))
+    pairs, scratch = np.empty((_ROWS + 1, width)), np.empty((_ROWS, width))
+    for first in range(0, height - 1, _ROWS):  # blocks that stay in the cache
+        last = min(first + _ROWS, height - 1)
+        texels, pair, lowest = luminance[first : last + 1], pairs[: last - first + 1], scratch[: last - first]
+        np.add(texels[:, :-1], texels[:, 1:], out=pair[:, :-1], dtype=np.float64)
+        np.add(texels[:, -1], texels[:, 0], out=pair[:, -1], dtype=np.float64)
+        np.multiply(upper[first:last], pair[:-1], out=energy[first:last])
+        np.multiply(lower[first:last], pair[1:], out=lowest)
+        energy[first:last] += lowest
     return energy
 
 

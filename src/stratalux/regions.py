@@ -80,7 +80,7 @@ def region_content(environment: EnvironmentMap, regions: Regions) -> RegionConte
         row[1:] += lower[y0:y1]
         column = np.full(x1 - x0 + 1, 2 * np.pi / width)
         column[[0, -1]] /= 2
-        flux[i] = np.einsum("i,j,ijc->c", row, column, texels[rows, columns], optimize=True)
+        flux[i] = row @ np.matmul(column, texels[rows, columns])
         waves = np.stack([column * np.sin(phi[columns]), column, -column * np.cos(phi[columns])], axis=1)
         sin_theta, cos_theta = np.sin(theta[rows]), np.cos(theta[rows])
         moments = luminance[rows, columns] @ waves
