@@ -67,10 +67,6 @@ class DirectImportance(DirectIntegrator):
         self.sequence = str(settings["sequence"])
         self._cache = MapCache(lambda environment: RegionSampler(environment, median_cut(environment, 1)))
 
-    def shadow_rays(self) -> int:
-        """Shadow rays towards the environment per shading point."""
-        return self.samples + self.bsdf_samples
-
     def prepare(self, scene: mi.Scene) -> MapLight[RegionSampler] | None:
         """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
         return self._cache.get(scene)

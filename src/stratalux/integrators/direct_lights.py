@@ -71,10 +71,6 @@ class DirectLights(DirectIntegrator):
             raise InputError("direct_lights: a rig has RGB colours; use an RGB or monochromatic variant (llvm_ad_rgb)")
         self._cache = MapCache(lambda environment: RigTables(light_rig(self.rig, environment, self.lights)))
 
-    def shadow_rays(self) -> int:
-        """Shadow rays towards the environment per shading point."""
-        return self.lights
-
     def prepare(self, scene: mi.Scene) -> MapLight[RigTables] | None:
         """Build (or fetch) the rig for ``scene``; rendering calls this by itself."""
         return self._cache.get(scene)

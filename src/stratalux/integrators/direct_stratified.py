@@ -73,10 +73,6 @@ class DirectStratified(DirectIntegrator):
         self.bsdf_samples = int(settings["bsdf_samples"])
         self._cache = MapCache(lambda environment: RegionSampler(environment, median_cut(environment, self.strata)))
 
-    def shadow_rays(self) -> int:
-        """Shadow rays towards the environment per shading point."""
-        return self.strata + self.bsdf_samples
-
     def prepare(self, scene: mi.Scene) -> MapLight[RegionSampler] | None:
         """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
         return self._cache.get(scene)
