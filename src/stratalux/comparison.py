@@ -6,6 +6,7 @@ knows one by name.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -30,6 +31,7 @@ Progress = Callable[[float, str], None]
 TIME_TOLERANCE = 0.1
 """How far from the time allowed a setting may be, by its trial run, to be taken as it is."""
 _TRIALS = 3
+_LEAST_SLOPE = 0.25
 _LARGEST_STEP = 16
 """A trial is at most so many times longer than what has been seen before."""
 
@@ -40,7 +42,7 @@ USUAL_MEAN = 0.2
 """The relative MSE is no longer relative in images that are much darker than this; a factor of 4 is worth a note."""
 
 _MASK_SAMPLES = 32
-_ROUNDS_OF_TRIALS = 2
+_ROUNDS_OF_TRIALS = 3
 """What the trials of equal time cost, in renderings, as far as the progress bar is concerned."""
 
 
@@ -237,7 +239,8 @@ def compare(
         work = spp * n
         warm_up_seed = rounds.next_seed()
         for contender in contenders:
-            contender.warm_up(warm_up_seed, meter, work)
+            contender.warm_up(warm_up_seed)
+            meter.advance(work, contender.entry.name)
         records = rounds.run(contenders, work, budget=None)
         equal_rays += records
         budget = median(record.seconds.median for record in records)
@@ -356,34 +359,36 @@ class _Contender:
     def render(self, seed: int) -> RenderResult:
         return render(self.scene, integrator=self.integrator, spp=self.spp, seed=seed, sensor=self.sensor)
 
-    def warm_up(self, seed: int, meter: _Meter, work: float) -> float:
+    def warm_up(self, seed: int) -> float:
         """Compile and prepare; the seconds that rendering took."""
         result = self.render(seed)
         if self.preparation_seconds is None:  # later renderings find the tables ready
             self.preparation_seconds = result.preparation_seconds
         self.compile_seconds = result.compile_seconds
-        meter.advance(work, self.entry.name)
         return result.seconds
 
     def fit(self, seconds: float, budget: float, seed: int, meter: _Meter, work: float) -> None:
         """Choose the samples per pixel that take ``budget`` seconds, by trial: time has a part that is fixed.
 
-        ``seconds``: what the present number of them takes. The last trial warms up what will be measured.
+        ``seconds``: what the present number of them takes. What was tried is warm when it is measured.
         """
-        known = [(self.spp, seconds)]
-        for _ in range(_TRIALS):
-            (spp, time), slope = known[-1], seconds / known[0][0]
-            if len(known) > 1 and known[-2][0] != spp:
-                # Noise can make the slope absurd; time per sample bounds it on one side.
-                slope = max((known[-2][1] - time) / (known[-2][0] - spp), 0.1 * time / spp)
+        tried = [(self.spp, seconds)]
+        while len(tried) <= _TRIALS and abs(tried[-1][1] - budget) > TIME_TOLERANCE * budget:
+            spp, time = tried[-1]
+            slope = time / spp
+            if len(tried) > 1 and tried[-2][0] != spp:
+                # With a fixed part, a sample costs less than the mean of all; noise must not make it absurdly little.
+                secant = (tried[-2][1] - time) / (tried[-2][0] - spp)
+                slope = min(max(secant, _LEAST_SLOPE * slope), slope)
             wanted = spp + (budget - time) / slope
             self.spp = self._possible(round(min(max(wanted, 1, spp / _LARGEST_STEP), spp * _LARGEST_STEP)))
-            time = self.warm_up(seed, meter, work / _TRIALS)
-            stays = known[-1][0] == self.spp
-            known.append((self.spp, time))
-            if stays or abs(time - budget) <= TIME_TOLERANCE * budget:
+            if any(self.spp == before for before, _ in tried):
                 break
-        meter.advance(work * (_TRIALS - len(known) + 1) / _TRIALS, self.entry.name)
+            # The quicker of two, as only a disturbance makes a rendering slower.
+            tried.append((self.spp, min(self.warm_up(seed), self.render(seed).seconds)))
+            meter.advance(work / _TRIALS, self.entry.name)
+        meter.advance(work * (_TRIALS + 1 - len(tried)) / _TRIALS, self.entry.name)
+        self.spp = min(tried, key=lambda trial: abs(math.log(max(trial[1], 1e-9) / max(budget, 1e-9))))[0]
 
     def _possible(self, spp: int) -> int:
         """Some samplers round the number of samples up, which has to be counted."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .comparison import Comparison, Record
+    from .comparison import Comparison, Record, Spread
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe and Ito 2008: told apart with any colour vision, and each has a marker of its own besides."""
@@ -74,20 +74,25 @@ def _draw(
         figure = Figure(figsize=(7.2, 5.0), layout="constrained")
         axes = figure.add_subplot(xscale="log", yscale="log")
         floor = comparison.reference.relative_mse_floor(comparison.mask(region))
-        drawn: list[tuple[float, float]] = []
-        for k, entry in enumerate(comparison.entries):
-            points = [
-                (abscissa(record), record.errors[region].relative_mse)
-                for record in records
-                if record.entry is entry and 0 < record.errors[region].relative_mse.median < math.inf
-            ]
+        curves = [
+            sorted(
+                ((abscissa(record), record.errors[region].relative_mse) for record in records if record.entry is entry),
+                key=lambda point: point[0],
+            )
+            for entry in comparison.entries
+        ]
+        # A logarithm has no place for the errors of a black scene, nor for what is no number.
+        curves = [[(x, y) for x, y in points if x > 0 and 0 < y.minimum <= y.maximum < math.inf] for points in curves]
+        drawn = [(x, y.median) for points in curves for x, y in points]
+        if drawn:
+            _limits(axes, curves, floor)
+        for k, (entry, points) in enumerate(zip(comparison.entries, curves, strict=True)):
             if not points:
                 continue
-            points.sort(key=lambda point: point[0])
-            x, y = [x for x, _ in points], [spread.median for _, spread in points]
+            y = [spread.median for _, spread in points]
             reach = [[s.median - s.minimum for _, s in points], [s.maximum - s.median for _, s in points]]
             axes.errorbar(
-                x,
+                [x for x, _ in points],
                 y,
                 yerr=reach,
                 label=entry.name + ("" if entry.technique.unbiased else " (biased)"),
@@ -99,7 +104,6 @@ def _draw(
                 capsize=3,
                 elinewidth=1,
             )
-            drawn += zip(x, y, strict=True)
         if floor > 0:
             axes.axhline(floor, color="0.35", linestyle="--", linewidth=1.2, label="noise of the reference")
         _guide(axes, drawn)
@@ -112,6 +116,15 @@ def _draw(
         axes.legend([handles[k] for k in order], [labels[k] for k in order], frameon=False, fontsize=9)
         figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})
         figure.savefig(path.with_suffix(".png"), dpi=160)
+
+
+def _limits(axes: Any, curves: Sequence[Sequence[tuple[float, Spread]]], floor: float) -> None:
+    """Room around all points and the floor, also where there is only one of them."""
+    points = [point for curve in curves for point in curve]
+    left, right = min(x for x, _ in points), max(x for x, _ in points)
+    lowest, highest = min(y.minimum for _, y in points), max(y.maximum for _, y in points)
+    axes.set_xlim(left / 1.2, right * 1.2)
+    axes.set_ylim((min(lowest, floor) if floor > 0 else lowest) / 1.5, highest * 2)
 
 
 def _guide(axes: Any, drawn: Sequence[tuple[float, float]]) -> None:

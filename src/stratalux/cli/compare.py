@@ -21,6 +21,7 @@ _TABLE_WIDTH = 110
 @click.argument("scene")
 @scene_options
 @click.option(
+    "-t",
     "--technique",
     "techniques",
     multiple=True,
