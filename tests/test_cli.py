@@ -157,6 +157,28 @@ def test_doctor_and_completion(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
         assert "_STRATALUX_COMPLETE" in capsys.readouterr().out
 
 
+COMPARE = ("--size", "24x16", "--rays", "4", "--spp", "1", "--repeats", "1", "--reference-spp", "16")
+
+
+def test_compare_writes_a_folder_and_a_table(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("STRATALUX_CACHE", "cache")
+    arguments = ("compare", "mesh.obj", "--env", "map.exr", *COMPARE, "--technique", "stratified", "-t", "direct")
+    assert run(monkeypatch, *arguments) == 0
+    out = capsys.readouterr().out
+    assert "reference: path (max_depth=2), 16 spp, made in" in out and "wrote compare-mesh" in out
+    assert all(word in out for word in ("Equal shadow rays", "Equal time", "direct", "relMSE", "FLIP", "vs best"))
+    content = json.loads(Path("compare-mesh/results.json").read_text())
+    assert [entry["name"] for entry in content["entries"]] == ["stratified", "direct"]
+    assert content["settings"]["rays"] == [4] and Path("compare-mesh/direct-4.png").exists()
+    assert len(list(Path("cache").rglob("*.npz"))) == 1
+    assert run(monkeypatch, *arguments, "--force", "-q") == 0
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert json.loads(Path("compare-mesh/results.json").read_text())["reference"]["cached"] is True
+
+
 @pytest.mark.parametrize("command", [(), *((name,) for name in cli.commands)])
 def test_help_has_examples(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: tuple[str, ...]
@@ -186,6 +208,8 @@ def spoil() -> None:
     shear += '<transform name="to_world"><scale x="2"/></transform></emitter>'
     Path("shear.xml").write_text(XML.format(emitter=shear))
     Path("folder.exr").mkdir()
+    Path("full").mkdir()
+    Path("full/precious.txt").touch()
 
 
 @pytest.mark.parametrize(
@@ -221,6 +245,24 @@ def spoil() -> None:
         ("render demo -o a.tiff", "unknown image format"),
         ("render demo -D radius", "name=value"),
         ("render scene.xml -D nonsense=3", "nonsense"),
+        ("compare demo", "technique"),
+        ("compare demo -t nonsense", "technique 'nonsense' is unknown; use one of"),
+        ("compare demo -t stratified:colour=2", "no property 'colour'"),
+        ("compare demo -t stratified:strata=0", "strata"),
+        ("compare demo -t path -t path", "given twice"),
+        ("compare demo -t path --rays many", "'many' is no list of numbers"),
+        ("compare demo -t path --rays 4,,8", "no list of numbers"),
+        ("compare demo -t path --rays 0", "no list of numbers"),
+        ("compare demo -t path --spp 0", "spp"),
+        ("compare demo -t path --repeats 0", "repeats"),
+        ("compare demo -t path --seed -1", "seed"),
+        ("compare demo -t path --size 0x4", "not a size"),
+        ("compare none.xml -t path", "none.xml: no such file"),
+        ("compare mesh.obj -t path", "--env"),
+        ("compare demo -t path --variant nonsense", "nonsense"),
+        ("compare demo -t path -o folder.exr/no/place", "cannot be written"),
+        ("compare demo -t path -o map.exr", "is a file"),
+        ("compare demo -t path -o full --force", "is not empty"),
         ("render", "SCENE"),
         ("render demo --nonsense", "nonsense"),
         ("render demo --technique nonsense", "nonsense"),

@@ -15,15 +15,18 @@ from .plugins import register_on_import
 from .regions import Regions, describe_regions, region_content
 
 if TYPE_CHECKING:
+    from .comparison import Comparison, compare
     from .rendering import RenderResult, render, render_passes
     from .scenes.load import load_scene
 
 __all__ = [
+    "Comparison",
     "EnvironmentMap",
     "EnvironmentMapWarning",
     "InputError",
     "Regions",
     "RenderResult",
+    "compare",
     "describe_regions",
     "load_scene",
     "median_cut",
@@ -35,6 +38,8 @@ __all__ = [
 __version__ = version("stratalux")
 
 _NEEDS_MITSUBA = {
+    "Comparison": ".comparison",
+    "compare": ".comparison",
     "RenderResult": ".rendering",
     "render": ".rendering",
     "render_passes": ".rendering",

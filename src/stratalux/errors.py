@@ -6,3 +6,7 @@ class InputError(ValueError):
 
     The command line prints it without a traceback and exits with code 2.
     """
+
+
+class CacheWarning(UserWarning):
+    """A file of the cache cannot be read or written; the work is done without it."""

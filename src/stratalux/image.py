@@ -87,14 +87,15 @@ def write_atomically(path: str | Path, write: Callable[[str], object]) -> None:
     os.close(handle)
     try:
         write(temporary)
-        os.chmod(temporary, 0o666 & ~_umask())
+        os.chmod(temporary, 0o666 & ~umask())
         os.replace(temporary, path)
     except BaseException:
         os.unlink(temporary)
         raise
 
 
-def _umask() -> int:
+def umask() -> int:
+    """Permissions that this process takes from new files."""
     mask = os.umask(0)
     os.umask(mask)
     return mask

@@ -8,8 +8,8 @@ import warnings
 import click
 
 from ..envmap import EnvironmentMapWarning
-from ..errors import InputError
-from . import completion, doctor, render, rig, stratify, techniques
+from ..errors import CacheWarning, InputError
+from . import compare, completion, doctor, render, rig, stratify, techniques
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -22,6 +22,7 @@ def cli() -> None:
       stratalux render demo -o demo.png
       stratalux render buddha.ply --env venice.hdr --material gold -o buddha.exr
       stratalux render scene.xml --strata 64 --spp 32 -o scene.exr
+      stratalux compare demo --technique stratified --technique direct --rays 16,64
       stratalux stratify venice.hdr -n 64 -o regions.png
       stratalux rig venice.hdr --method kmeans -n 32 -o rig.json
       stratalux techniques
@@ -31,6 +32,7 @@ def cli() -> None:
 
 for command in (
     render.render,
+    compare.compare,
     stratify.stratify,
     rig.rig,
     techniques.techniques,
@@ -70,5 +72,5 @@ def _show_warning(
     file: object = None,
     line: str | None = None,
 ) -> None:
-    if issubclass(category, EnvironmentMapWarning):
+    if issubclass(category, (EnvironmentMapWarning, CacheWarning)):
         print(f"stratalux: warning: {message}", file=sys.stderr)

@@ -11,35 +11,18 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from ..scenes.materials import MATERIALS
-from .options import Definition, Rotation, Size
+from .options import load, scene_options
 
 
 @click.command()
 @click.argument("scene")
-@click.option(
-    "--env", metavar="MAP", help="Environment map (.exr, .hdr, .pfm): needed for a mesh, else replaces the scene's."
-)
-@click.option("--env-rotate", type=Rotation(), default="0", help="Turn the map: degrees about y, or X,Y,Z, or flip.")
-@click.option("--env-scale", type=float, default=1.0, help="Brightness of the map, a factor.")
+@scene_options
 @click.option("-N", "--strata", type=click.IntRange(min=1), help="Regions of the map.  [default: 64]")
 @click.option("-M", "--proposals", type=click.IntRange(min=1), help="Proposals in each region.  [default: 1]")
 @click.option("-t", "--technique", metavar="NAME[:key=value,...]", help="Another technique; see stratalux techniques.")
 @click.option("-s", "--spp", type=click.IntRange(min=1), help="Samples per pixel.  [default: the scene's own, or 16]")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random numbers.")
-@click.option("--size", type=Size(), help="Film in pixels.  [default: the scene's own, or 600x400]")
-@click.option(
-    "--material",
-    type=click.Choice(list(MATERIALS)),
-    default="diffuse",
-    show_default=True,
-    metavar="NAME",
-    help=f"Material of a mesh: {', '.join(MATERIALS)}.",
-)
-@click.option("--up", type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]), help="Axis of a mesh file that is up.")
 @click.option("--hide-emitters", is_flag=True, help="Leave the map out of the background.")
-@click.option("-D", "definitions", type=Definition(), multiple=True, help="Value of $name in a Mitsuba scene.")
-@click.option("-m", "--variant", help="Mitsuba variant.  [default: cuda_ad_rgb where it works, else llvm_ad_rgb]")
 @click.option(
     "-o", "--output", multiple=True, help="File to write, .exr or .png; repeat for several.  [default: SCENE.exr]"
 )
@@ -62,25 +45,14 @@ def render(scene: str, **options: Any) -> None:
     """
     from ..image import check_output  # Mitsuba is imported here, not before --help
     from ..rendering import render_passes
-    from ..scenes.load import load_scene
     from ..techniques import parse_technique
     from ..variants import choose_variant
 
     outputs = [check_output(path) for path in options["output"] or (f"{Path(scene).stem}.exr",)]
-    variant = choose_variant(options["variant"])
+    choose_variant(options["variant"])
     if options["technique"]:
         parse_technique(options["technique"])  # a bad name is told before anything is loaded
-    _set_log_level(verbose=options["verbose"])
-    loaded = load_scene(
-        scene,
-        environment=options["env"],
-        rotate=options["env_rotate"],
-        scale=options["env_scale"],
-        material=options["material"],
-        up=options["up"],
-        size=options["size"],
-        parameters=dict(options["definitions"]),
-    )
+    loaded, variant = load(scene, options, verbose=options["verbose"])
     passes = render_passes(
         loaded,
         technique=options["technique"] or "stratified",
@@ -142,9 +114,3 @@ def _watch(passes: Any, *, quiet: bool) -> tuple[Any, bool]:
     finally:
         signal.signal(signal.SIGINT, previous)
     return result, result is not None and result.spp < result.spp_total
-
-
-def _set_log_level(*, verbose: bool) -> None:
-    import mitsuba as mi
-
-    mi.set_log_level(mi.LogLevel.Info if verbose else mi.LogLevel.Error)
