@@ -17,6 +17,8 @@ MARKERS = "os^DvPX*"
 _DASHES = ("-", (0, (5, 2)), (0, (1, 1.5)))
 """Another one each time that the colours are used up."""
 _MOST_TICKS = 9
+_MOST_LINES_INSIDE = 7
+"""A longer legend stands beside the axes, and the figure is wider for it."""
 
 _STYLE = {
     "font.family": "sans-serif",
@@ -71,7 +73,8 @@ def _draw(
 
     region = comparison.region
     with matplotlib.rc_context(_STYLE):
-        figure = Figure(figsize=(7.2, 5.0), layout="constrained")
+        width = 7.2 if len(comparison.entries) + 2 <= _MOST_LINES_INSIDE else 9.2
+        figure = Figure(figsize=(width, 5.0), layout="constrained")
         axes = figure.add_subplot(xscale="log", yscale="log")
         floor = comparison.reference.relative_mse_floor(comparison.mask(region))
         curves = [
@@ -113,7 +116,15 @@ def _draw(
         axes.set_ylabel(f"relative MSE, {_REGION_NAMES[region]}")
         handles, labels = axes.get_legend_handles_labels()  # lines come first there, but the entries should
         order = sorted(range(len(labels)), key=lambda k: not hasattr(handles[k], "has_yerr"))
-        axes.legend([handles[k] for k in order], [labels[k] for k in order], frameon=False, fontsize=9)
+        crowded = len(labels) > _MOST_LINES_INSIDE
+        (figure if crowded else axes).legend(
+            [handles[k] for k in order],
+            [labels[k] for k in order],
+            loc="outside right center" if crowded else "best",
+            handlelength=3.2,
+            frameon=False,
+            fontsize=9,
+        )
         figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})
         figure.savefig(path.with_suffix(".png"), dpi=160)
 
