@@ -10,7 +10,7 @@ import pytest
 
 import stratalux
 from stratalux import EnvironmentMapWarning, InputError
-from stratalux.environment import StrataCache, image_emitter
+from stratalux.environment import MapCache
 from tests.helpers import assert_same_mean, hall_map, runs, scene_dict, sun_map
 
 OURS = {"type": "direct_stratified", "strata": 16}
@@ -54,14 +54,19 @@ def test_an_edited_texel_is_followed() -> None:
 
 def test_tables_are_built_once_for_a_map() -> None:
     scene = mi.load_dict(scene_dict("diffuse"))
-    cache, emitter = StrataCache(), image_emitter(scene)
-    first = cache.get(emitter, 8)
+    built = []
+    cache = MapCache(lambda environment: built.append(environment.texels) or len(built))
+    assert cache.get(scene).tables == 1
     params = mi.traverse(scene)
     params["sky.scale"] = 7.0
     params["sky.to_world"] = mi.Transform4f().rotate([0, 1, 0], 90)
     params.update()
-    assert cache.get(emitter, 8).sampler is first.sampler
-    assert cache.get(emitter, 9).sampler is not first.sampler
+    assert cache.get(scene).tables == 1
+    params["sky.data"] = params["sky.data"] * 2
+    params.update()
+    assert cache.get(scene).tables == 2
+    np.testing.assert_allclose(built[1], 2 * built[0])
+    assert cache.get(mi.load_dict({"type": "scene"})) is None
 
 
 def test_one_integrator_renders_many_scenes() -> None:

@@ -1,12 +1,13 @@
-"""The environment emitter of a Mitsuba scene, and the sampling tables that belong to it.
+"""The environment emitter of a Mitsuba scene, and the tables that a technique builds from it.
 
-``strata_for(scene, n)`` is what an integrator asks for at every render. The tables are rebuilt only when the map itself
-has changed: a density is free of scale, and the emitter's transform and scale are read when a ray is traced.
+An integrator asks its :class:`MapCache` at every render. The tables are rebuilt only when the map itself has changed: a
+density is free of scale, and the emitter's transform and scale are read when a ray is traced.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -15,20 +16,19 @@ from numpy.typing import NDArray
 
 from .envmap import EnvironmentMap, clean
 from .errors import InputError
-from .median_cut import median_cut
-from .regions import Regions
-from .sampling import RegionSampler
+
+T = TypeVar("T")
 
 
-class Strata:
-    """The stratified environment of a scene.
+class MapLight(Generic[T]):
+    """The image-based environment of a scene, and what a technique has built from its texels.
 
-    ``emitter``: the ``envmap``. ``regions``: its partition, and ``sampler`` their densities. ``to_world``: rotation
-    from the frame of the map. (No dataclass: Dr.Jit would take it apart and make it the state of a loop.)
+    ``emitter``: the ``envmap``. ``tables``: what was built. ``to_world``: rotation from the frame of the map. (No
+    dataclass: Dr.Jit would take it apart and make it the state of a loop.)
     """
 
-    def __init__(self, emitter: mi.Emitter, regions: Regions, sampler: RegionSampler, to_world: Any) -> None:
-        self.emitter, self.regions, self.sampler, self.to_world = emitter, regions, sampler, to_world
+    def __init__(self, emitter: mi.Emitter, tables: T, to_world: Any) -> None:
+        self.emitter, self.tables, self.to_world = emitter, tables, to_world
 
     def radiance(self, si: mi.SurfaceInteraction3f, uv: mi.Point2f, active: mi.Bool) -> mi.Spectrum:
         """Radiance L at the map coordinates ``uv``: the emitter's own lookup, without a detour over the direction."""
@@ -43,39 +43,41 @@ def image_emitter(scene: mi.Scene) -> mi.Emitter | None:
     return emitter if emitter is not None and emitter.class_name() == "EnvironmentMapEmitter" else None
 
 
-class StrataCache:
-    """Strata of the last map seen, kept while that map stays the same."""
+class MapCache(Generic[T]):
+    """What was built from the last map seen, kept while that map stays the same."""
 
-    def __init__(self) -> None:
+    def __init__(self, build: Callable[[EnvironmentMap], T]) -> None:
+        self._build = build
         self._key: tuple[Any, ...] | None = None
         self._held: Any = None
-        self._built: tuple[Regions, RegionSampler] | None = None
+        self._tables: T | None = None
 
-    def get(self, emitter: mi.Emitter, n: int) -> Strata:
-        """Strata of ``emitter`` cut into ``n`` regions.
+    def get(self, scene: mi.Scene) -> MapLight[T] | None:
+        """The map of ``scene`` with its tables, or None if it has none.
 
         Raises :class:`InputError` if ``to_world`` is not orthonormal: Mitsuba's lookup makes no sense of it.
         """
+        emitter = image_emitter(scene)
+        if emitter is None:
+            return None
         to_world = mi.traverse(emitter)["to_world"]
         linear = to_world.matrix.numpy().reshape(4, 4)[:3, :3]
         if not np.allclose(linear @ linear.T, np.eye(3), atol=1e-3):
             raise InputError(
                 f"environment map '{emitter.id()}': to_world scales or shears; use rotations, and 'scale' for light"
             )
-        if self._built is None or self._key != _key(emitter, n):
-            environment = EnvironmentMap(_rgb_texels(emitter))
-            regions = median_cut(environment, n)
-            self._built = regions, RegionSampler(environment, regions)
+        if self._tables is None or self._key != _key(emitter):
+            self._tables = self._build(EnvironmentMap(_rgb_texels(emitter)))
             # References of our own: neither the emitter's address nor the array's index goes to another meanwhile.
             self._held = emitter, mi.Float(mi.traverse(emitter)["data"].array)
-            self._key = _key(emitter, n)
-        return Strata(emitter, *self._built, to_world)
+            self._key = _key(emitter)
+        return MapLight(emitter, self._tables, to_world)
 
 
-def _key(emitter: mi.Emitter, n: int) -> tuple[Any, ...]:
+def _key(emitter: mi.Emitter) -> tuple[Any, ...]:
     """Equal for equal maps: Dr.Jit gives every changed array a new index."""
     data = mi.traverse(emitter)["data"]
-    return emitter.ptr, data.array.index, tuple(data.shape), n
+    return emitter.ptr, data.array.index, tuple(data.shape)
 
 
 def _rgb_texels(emitter: mi.Emitter) -> NDArray[np.float32]:

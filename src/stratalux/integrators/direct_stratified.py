@@ -5,7 +5,9 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from ..environment import Strata, StrataCache, image_emitter
+from ..environment import MapCache, MapLight
+from ..median_cut import median_cut
+from ..sampling import RegionSampler
 from ..techniques import Property, Technique, properties_from
 from .common import DirectIntegrator, target
 
@@ -59,29 +61,28 @@ class DirectStratified(DirectIntegrator):
         settings = properties_from(STRATIFIED, props)
         self.strata = int(settings["strata"])
         self.proposals = int(settings["proposals"])
-        self._cache = StrataCache()
+        self._cache = MapCache(lambda environment: RegionSampler(environment, median_cut(environment, self.strata)))
 
     def shadow_rays(self) -> int:
         """Shadow rays towards the environment per shading point."""
         return self.strata
 
-    def prepare(self, scene: mi.Scene) -> Strata | None:
+    def prepare(self, scene: mi.Scene) -> MapLight[RegionSampler] | None:
         """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
-        emitter = image_emitter(scene)
-        return None if emitter is None else self._cache.get(emitter, self.strata)
+        return self._cache.get(scene)
 
     @dr.syntax
     def environment_light(
         self,
         scene: mi.Scene,
-        strata: Strata,
+        light: MapLight[RegionSampler],
         sampler: mi.Sampler,
         si: mi.SurfaceInteraction3f,
         bsdf: mi.BSDFPtr,
         active: mi.Bool,
     ) -> mi.Spectrum:
         ctx = mi.BSDFContext()
-        N = dr.opaque(mi.UInt32, strata.sampler.count)
+        N = dr.opaque(mi.UInt32, light.tables.count)
         M = dr.opaque(mi.UInt32, self.proposals)
 
         L_o = mi.Spectrum(0)  # Outgoing radiance
@@ -93,10 +94,10 @@ class DirectStratified(DirectIntegrator):
             j = mi.UInt32(0)  # Index of the proposal
             while j < M:
                 # ------------ (2): a proposal from the density of Ω_i -------------
-                x = strata.sampler.sample(i, sampler.next_2d(active), sampler.next_2d(active), active)
-                d = strata.to_world @ x.d
+                x = light.tables.sample(i, sampler.next_2d(active), sampler.next_2d(active), active)
+                d = light.to_world @ x.d
                 valid = active & (x.pdf > 0)
-                g = strata.radiance(si, x.uv, valid) * bsdf.eval(ctx, si, si.to_local(d), valid)
+                g = light.radiance(si, x.uv, valid) * bsdf.eval(ctx, si, si.to_local(d), valid)
 
                 # ------- (3): keep it with probability w_ij / Σ_j w_ij ------------
                 q = target(g)
