@@ -14,13 +14,14 @@ from typing import Any
 INTEGRATORS = (
     "direct_stratified",
     "direct_importance",
+    "direct_wavelet",
     "direct_lights",
     "mitsuba_own",
 )
 """Modules of ``stratalux.integrators``, a line each. A module lists its ``TECHNIQUES``, and in ``PLUGINS`` the
 integrators that it brings, by the name that Mitsuba's scenes use."""
 
-_SHARED = ("stratalux.sampling", "stratalux.environment", "stratalux.integrators.common")
+_SHARED = ("stratalux.integrators.common",)
 _loaded_for: str | None = None
 
 
