@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 import stratalux
-from stratalux import Comparison, InputError, comparison, plugins, results, techniques
-from stratalux.comparison import Spread, surface_mask
+from stratalux import Comparison, InputError, contest, plugins, results, techniques
+from stratalux.comparison import surface_mask
 from stratalux.metrics import relative_mse, rmse, why_no_flip
+from stratalux.records import Spread
 from stratalux.results import check_folder, describe
 from stratalux.techniques import Property, Technique
 from tests.helpers import scene_dict
@@ -85,13 +86,13 @@ def test_the_same_seed_gives_the_same_images(compared: Comparison, cache: Path) 
 
 def test_equal_time_scales_the_samples(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a clock of ours: a technique takes a fixed time and, for each ray of a sample, a time of its own."""
-    render = comparison.render
+    render = contest.render
 
     def timed(scene: mi.Scene, *, integrator: mi.Integrator, spp: int, **options: Any) -> Any:
         cost = 0.1 if "PathIntegrator" in str(integrator) else 0.4
         return replace(render(scene, integrator=integrator, spp=spp, **options), seconds=2 + cost * spp)
 
-    monkeypatch.setattr(comparison, "render", timed)
+    monkeypatch.setattr(contest, "render", timed)
     result = small(("stratified", "path", "direct"), cache, rays=(16,), spp=4)
     assert [r.spp for r in result.equal_rays] == [4, 32, 4]
     budget = 2 + 0.4 * 4
@@ -102,13 +103,13 @@ def test_equal_time_scales_the_samples(cache: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_equal_time_gives_at_least_one_sample(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    render = comparison.render
+    render = contest.render
 
     def timed(scene: mi.Scene, *, integrator: mi.Integrator, spp: int, **options: Any) -> Any:
         cost = 100.0 if "proposals = 7" in str(integrator) else 0.001
         return replace(render(scene, integrator=integrator, spp=spp, **options), seconds=cost * spp)
 
-    monkeypatch.setattr(comparison, "render", timed)
+    monkeypatch.setattr(contest, "render", timed)
     result = small(("stratified", "direct", "stratified:proposals=7"), cache)
     assert [r.spp for r in result.equal_time] == [2, 2, 1]
 

@@ -10,7 +10,18 @@ from stratalux import InputError
 from stratalux.techniques import Property, Technique, parse_technique, techniques
 from tests.helpers import scene_dict
 
-NAMES = ("stratified", "importance", "wavelet", "median-cut", "structured", "kmeans", "lloyd", "penrose", "direct", "path")
+NAMES = (
+    "stratified",
+    "importance",
+    "wavelet",
+    "median-cut",
+    "structured",
+    "kmeans",
+    "lloyd",
+    "penrose",
+    "direct",
+    "path",
+)
 
 
 def test_all_techniques_of_the_paper_are_there() -> None:

@@ -51,7 +51,8 @@ from .image import auto_exposure, check_writable, umask, write_image
 from .provenance import machine, versions
 
 if TYPE_CHECKING:
-    from .comparison import Comparison, Record, Spread
+    from .comparison import Comparison
+    from .records import Record, Spread
 
 FORMAT = "stratalux-comparison"
 REGIONS = ("surface", "image")
