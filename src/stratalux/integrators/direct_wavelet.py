@@ -40,7 +40,7 @@ TECHNIQUES = (WAVELET,)
 _BLOCK_LEVELS = 3
 """A shading point keeps the product of 8x8 blocks of cells: 64 numbers still fit the state of a loop."""
 
-_MAX_RESOLUTION = 64
+_MAX_RESOLUTION = 32
 
 _FLOOR = 0.2
 """β, the weight of the map alone beside the product. With less, coarse cells miss more; with more, samples are wasted:
@@ -55,7 +55,7 @@ class DirectWavelet(DirectIntegrator):
 
     ================= ======= ========================================================================
     ``samples``       int     Shadow rays S per shading point (default: 16)
-    ``resolution``    int     Cells R along a side of the coarse product: 8, 16, 32 or 64 (default: 16)
+    ``resolution``    int     Cells R along a side of the coarse product: 8, 16 or 32 (default: 16)
     ``hide_emitters`` bool    Hide directly visible emitters (default: false)
     ================= ======= ========================================================================
 
@@ -91,7 +91,7 @@ class DirectWavelet(DirectIntegrator):
         self.samples = int(settings["samples"])
         self.resolution = int(settings["resolution"])
         if self.resolution & (self.resolution - 1) or self.resolution > _MAX_RESOLUTION:
-            raise InputError(f"technique wavelet: resolution: {self.resolution} is not one of 8, 16, 32 and 64")
+            raise InputError(f"technique wavelet: resolution: {self.resolution} is not one of 8, 16 and 32")
         self._cache = MapCache(lambda environment: LightPyramid(environment, self.resolution.bit_length() - 1))
 
     def prepare(self, scene: mi.Scene) -> MapLight[LightPyramid] | None:
