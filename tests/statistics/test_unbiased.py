@@ -116,4 +116,6 @@ def test_real_maps(name: str, strata: int) -> None:
     )
     scene = mi.load_dict(scene_dict("roughplastic", texels))
     direct = {"type": "direct", "emitter_samples": 4, "bsdf_samples": 2}
-    assert_same_mean(runs(scene, stratified(strata, 4), 512, 64, 0), runs(scene, direct, 4096, 64, 10_000))
+    assert_same_mean(
+        runs(scene, stratified(strata, 4), 4096 // strata, RUNS, 0), runs(scene, direct, 4096, RUNS, 10_000)
+    )

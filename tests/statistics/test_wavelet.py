@@ -105,16 +105,24 @@ def test_chi_square_has_teeth() -> None:
 
 
 def test_density_follows_the_product() -> None:
-    """Above the horizon it is the product that decides, and what lies below gets its part of the floor and no more."""
+    """It is the product that decides, but the floor keeps every direction possible, below the horizon too."""
     p, _ = product("diffuse", np.ones((24, 48, 3), dtype=np.float32), (0, 1, 0), 40)
-    d = p.sample(mi.Point2d(np.random.default_rng(8).random((2, SAMPLES)))).d
+    drawn = p.sample(mi.Point2d(np.random.default_rng(8).random((2, SAMPLES))))
     # The map of the scene is turned by 28° and 37°; the normal in its frame:
     T = mi.ScalarTransform4f().rotate([0, 1, 0], 37).rotate([1, 0, 0], -28)
     normal = np.asarray(T.inverse().matrix)[:3, :3] @ [0, 1, 0]
-    cosine = normal @ d.numpy()
+    cosine = normal @ drawn.d.numpy()
     floor = 0.2 / 1.2
     assert (cosine < 0).mean() == pytest.approx(floor / 2, abs=0.03)
     assert np.mean(cosine[cosine > 0]) == pytest.approx(2 / 3, abs=0.03)
+    assert drawn.pdf.numpy().min() == pytest.approx(floor / (4 * np.pi), rel=1e-3)
+
+
+def test_a_black_product_leaves_the_map() -> None:
+    """Where the BSDF is black in the middle of every cell, samples follow the map alone."""
+    p, _ = product("roughconductor", np.ones((24, 48, 3), dtype=np.float32), (0, 1, 0), 110)
+    drawn = p.sample(mi.Point2d(np.random.default_rng(9).random((2, 1000))))
+    np.testing.assert_allclose(drawn.pdf.numpy(), 1 / (4 * np.pi), rtol=1e-4)
 
 
 # ----------------------------- The mean image -----------------------------

@@ -41,6 +41,7 @@ _BLOCK_LEVELS = 3
 """A shading point keeps the product of 8x8 blocks of cells: 64 numbers still fit the state of a loop."""
 
 _MAX_RESOLUTION = 32
+"""Finer products cost more than the noise they save, in BSDF evaluations and in numbers kept."""
 
 _FLOOR = 0.2
 """β, the weight of the map alone beside the product. With less, coarse cells miss more; with more, samples are wasted:
@@ -142,8 +143,9 @@ class Product:
     """The density p of a shading point: the product P in R x R cells, the map's means below, the floor beside it.
 
     Only the means over 8x8 blocks of cells are kept, and the cells of a block that has been chosen are evaluated once
-    more: an array in local memory would hold all of them, but loops that read Dr.Jit 1.5's at indices of their own get
-    wrong values from LLVM. (No dataclass: Dr.Jit would take it apart and make it the state of a loop.)
+    more. An array in local memory (``dr.alloc_local``) could hold all of them, but with Dr.Jit 1.5 and LLVM a loop that
+    walks down such a quadtree, every lane its own way, reads wrong values. (No dataclass: Dr.Jit would take it apart
+    and make it the state of a loop.)
     """
 
     def __init__(
@@ -169,11 +171,10 @@ class Product:
             child, value, u = warp(self._density(_quadruple(values, block), E), u)
             node, block = 4 * node + 1 + child, 4 * block + child
         within = mi.UInt32(0)
-        for values in _with_means(self._block(block)):
-            if len(values) > 1:
-                E = self._pyramid.children(node, active)
-                child, value, u = warp(self._density(_quadruple(values, within), E), u)
-                node, within = 4 * node + 1 + child, 4 * within + child
+        for values in _with_means(self._block(block)) if self._block_size > 1 else ():
+            E = self._pyramid.children(node, active)
+            child, value, u = warp(self._density(_quadruple(values, within), E), u)
+            node, within = 4 * node + 1 + child, 4 * within + child
         return self._below(node, block * self._block_size + within, value, u, active)
 
     @dr.syntax
