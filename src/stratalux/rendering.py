@@ -128,7 +128,7 @@ def render_passes(
         compile_time = sum(kernel.get("codegen_time", 0) + kernel.get("backend_time", 0) for kernel in history) / 1000
         compiling += compile_time
         seconds += elapsed - compile_time
-        done += count
+        done += int(camera.sampler().sample_count())  # some samplers round up
         yield RenderResult(
             bitmap=_develop(film, total),
             spp=done,

@@ -7,7 +7,7 @@ import mitsuba as mi
 
 from ..environment import MapCache, MapLight
 from ..median_cut import median_cut
-from ..sampling import RegionSampler
+from ..sampling import DirectionSample, RegionSampler
 from ..techniques import Property, Technique, properties_from
 from .common import DirectIntegrator, MisWithBsdf, target
 
@@ -93,6 +93,22 @@ class DirectImportance(DirectIntegrator):
             )
         return L_o
 
+    def _proposal(
+        self,
+        light: MapLight[RegionSampler],
+        x: DirectionSample,
+        mis: MisWithBsdf,
+        si: mi.SurfaceInteraction3f,
+        bsdf: mi.BSDFPtr,
+        active: mi.Bool,
+    ) -> tuple[mi.Vector3f, mi.Spectrum, mi.Float, mi.Float]:
+        """Direction in the world, g = L f cos (times the weight of MIS), q (0 where nothing can arrive), and p."""
+        d = light.to_world @ x.d
+        valid = active & (x.pdf > 0)
+        density = dr.opaque(mi.Float, self.samples) * x.pdf
+        g = light.radiance(si, x.uv, valid) * mis.eval(si, bsdf, si.to_local(d), density, valid)
+        return d, g, dr.select(valid, target(g), 0), x.pdf
+
     @dr.syntax
     def _importance_sampling(
         self,
@@ -110,13 +126,10 @@ class DirectImportance(DirectIntegrator):
         j = mi.UInt32(0)
         while j < N:
             # ----------------- (2): a direction from the density of the map -----------------
-            x = points.draw(light.tables, j, rng, active)
-            d = light.to_world @ x.d
-            lit = active & (x.pdf > 0)
-            g = light.radiance(si, x.uv, lit) * mis.eval(si, bsdf, si.to_local(d), mi.Float(N) * x.pdf, lit)
-            lit &= target(g) > 0
+            d, g, q, pdf = self._proposal(light, points.draw(light.tables, j, rng, active), mis, si, bsdf, active)
+            lit = q > 0
             lit &= ~scene.ray_test(si.spawn_ray(d), lit)
-            L_o += dr.select(lit, g / x.pdf, 0)
+            L_o += dr.select(lit, g / pdf, 0)
             j += 1
         return L_o / mi.Float(N)
 
@@ -139,11 +152,8 @@ class DirectImportance(DirectIntegrator):
         w_sum = mi.Float(0)
         i = mi.UInt32(0)
         while i < M0:
-            x = points.draw(light.tables, i, rng, active)
-            valid = active & (x.pdf > 0)
-            wo = si.to_local(light.to_world @ x.d)
-            g = light.radiance(si, x.uv, valid) * mis.eval(si, bsdf, wo, mi.Float(N) * x.pdf, valid)
-            w_sum += dr.select(valid, target(g) / x.pdf, 0)
+            d, g, q, pdf = self._proposal(light, points.draw(light.tables, i, rng, active), mis, si, bsdf, active)
+            w_sum += dr.select(q > 0, q / pdf, 0)
             i += 1
 
         # ------ The same proposals again, the chosen ones with a shadow ray ------
@@ -154,15 +164,11 @@ class DirectImportance(DirectIntegrator):
         taken = mi.UInt32(0)  # How many survivors have been drawn so far
         i = mi.UInt32(0)
         while i < M0:
-            x = points.draw(light.tables, i, rng, active)
-            d = light.to_world @ x.d
-            valid = active & (x.pdf > 0)
-            g = light.radiance(si, x.uv, valid) * mis.eval(si, bsdf, si.to_local(d), mi.Float(N) * x.pdf, valid)
-            q = target(g)
-            w_before += dr.select(valid, q / x.pdf, 0)
+            d, g, q, pdf = self._proposal(light, points.draw(light.tables, i, rng, active), mis, si, bsdf, active)
+            w_before += dr.select(q > 0, q / pdf, 0)
             # Survivor k is the proposal on which (k + ξ) / N · Σ w falls.
             upto = mi.UInt32(dr.clip(dr.ceil(w_before / w_sum * mi.Float(N) - ξ), 0, mi.Float(N)))
-            times = dr.select(valid & (q > 0) & (upto > taken), upto - taken, 0)
+            times = dr.select((q > 0) & (upto > taken), upto - taken, 0)
             taken += times
             lit = times > 0
             lit &= ~scene.ray_test(si.spawn_ray(d), lit)
@@ -192,7 +198,7 @@ class Points:
         v0, v1 = mi.sample_tea_32(*self._seed)
         return mi.PCG32(initstate=v0, initseq=v1)
 
-    def draw(self, tables: RegionSampler, i: mi.UInt32, rng: mi.PCG32, active: mi.Bool) -> mi.DirectionSample3f:
+    def draw(self, tables: RegionSampler, i: mi.UInt32, rng: mi.PCG32, active: mi.Bool) -> DirectionSample:
         """The ``i``-th direction from the density of the whole map."""
         whole = mi.UInt32(0)
         inside = mi.Point2f(rng.next_float32(active), rng.next_float32(active))

@@ -24,7 +24,7 @@ from .structured import structured
 __all__ = [
     "RIGS",
     "LightRig",
-    "Technique",
+    "Method",
     "kmeans",
     "light_rig",
     "lloyd",
@@ -35,13 +35,13 @@ __all__ = [
 ]
 
 
-Technique = Callable[..., LightRig]
+Method = Callable[..., LightRig]
 """``technique(environment, n, **options)``, the options being keyword-only and having defaults.
 
 Returns at most ``n`` lights; raises :class:`InputError` if ``n`` is less than 1 or more than the number of texels.
 """
 
-RIGS: dict[str, Technique] = {
+RIGS: dict[str, Method] = {
     "median-cut": median_cut_lights,
     "structured": structured,
     "kmeans": kmeans,
