@@ -324,6 +324,33 @@ def test_a_black_map_renders_black(monkeypatch: pytest.MonkeyPatch, capfd: pytes
     assert "1 region(s) (of 64 asked for" in capfd.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("render", "scene.xml", "--spp", "2", "-o", "a.exr"), "2/2 spp"),
+        (("compare", "scene.xml", "-t", "stratified", "--rays", "2", "--reference-spp", "16"), "comparing"),
+    ],
+)
+def test_a_terminal_sees_progress(folder: Path, arguments: tuple[str, ...], words: str) -> None:
+    terminal, end = os.openpty()
+    environment = {**os.environ, "STRATALUX_CACHE": str(folder / "cache"), "COLUMNS": "120", "TERM": "xterm"}
+    command = [sys.executable, "-m", "stratalux", *arguments]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=end, env=environment) as process:
+        os.close(end)
+        seen = b""
+        while True:
+            try:
+                chunk = os.read(terminal, 4096)
+            except OSError:  # the other end is closed
+                break
+            if not chunk:
+                break
+            seen += chunk
+    os.close(terminal)
+    assert process.returncode == 0, seen.decode()
+    assert words in seen.decode() and "left" in seen.decode()
+
+
 def test_interruption_keeps_what_is_done(folder: Path) -> None:
     command = [sys.executable, "-m", "stratalux", "render", "demo", "--size", "300x200", "--spp", "4096", "-o", "a.exr"]
     process = subprocess.Popen(

@@ -95,7 +95,7 @@ def _watch(passes: Any, *, quiet: bool) -> tuple[Any, bool]:
     columns = (
         TextColumn("rendering"),
         BarColumn(),
-        TextColumn("{task.completed:.0f}/{task.total:.0f} spp"),
+        TextColumn("{task.fields[spp]}"),
         TextColumn("{task.fields[rate]}"),
         TimeElapsedColumn(),
         TextColumn("left"),
@@ -105,10 +105,11 @@ def _watch(passes: Any, *, quiet: bool) -> tuple[Any, bool]:
     result = None
     try:
         with Progress(*columns, console=Console(stderr=True), disable=quiet or not sys.stderr.isatty()) as progress:
-            task = progress.add_task("render", total=None, rate="")
+            task = progress.add_task("render", total=None, spp="", rate="")
             for result in passes:
                 rate = f"{(result.camera_rays + result.shadow_rays) / max(result.seconds, 1e-9) / 1e6:.1f} M rays/s"
-                progress.update(task, completed=result.spp, total=result.spp_total, rate=rate)
+                spp = f"{result.spp}/{result.spp_total} spp"
+                progress.update(task, completed=result.spp, total=result.spp_total, spp=spp, rate=rate)
                 if interrupted:
                     break
     finally:
