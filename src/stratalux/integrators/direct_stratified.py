@@ -77,6 +77,23 @@ class DirectStratified(DirectIntegrator):
         """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
         return self._cache.get(scene)
 
+    def _proposal(
+        self,
+        light: MapLight[RegionSampler],
+        mis: MisWithBsdf,
+        i: mi.UInt32,
+        sampler: mi.Sampler,
+        si: mi.SurfaceInteraction3f,
+        bsdf: mi.BSDFPtr,
+        active: mi.Bool,
+    ) -> tuple[mi.Vector3f, mi.Spectrum, mi.Float, mi.Float]:
+        """A proposal x from the density of Ω_i (2): direction, g = L f cos, q (0 where nothing can arrive), and p_i."""
+        x = light.tables.sample(i, sampler.next_2d(active), sampler.next_2d(active), active)
+        d = light.to_world @ x.d
+        valid = active & (x.pdf > 0)
+        g = light.radiance(si, x.uv, valid) * mis.eval(si, bsdf, si.to_local(d), x.pdf, valid)
+        return d, g, dr.select(valid, target(g), 0), x.pdf
+
     @dr.syntax
     def environment_light(
         self,
@@ -94,30 +111,31 @@ class DirectStratified(DirectIntegrator):
         L_o = mi.Spectrum(0)  # Outgoing radiance
         i = mi.UInt32(0)  # Index of the region
         while i < N:
-            w_sum = mi.Float(0)  # Σ_j w_ij of the proposals so far
-            y = mi.Vector3f(0)  # Direction of the proposal that is kept
-            g_q = mi.Spectrum(0)  # Its (L f cos) / q
-            j = mi.UInt32(0)  # Index of the proposal
-            while j < M:
-                # ------------ (2): a proposal from the density of Ω_i -------------
-                x = light.tables.sample(i, sampler.next_2d(active), sampler.next_2d(active), active)
-                d = light.to_world @ x.d
-                valid = active & (x.pdf > 0)
-                g = light.radiance(si, x.uv, valid) * mis.eval(si, bsdf, si.to_local(d), x.pdf, valid)
-
-                # ------- (3): keep it with probability w_ij / Σ_j w_ij ------------
-                q = target(g)
-                w = dr.select(valid & (q > 0), q / x.pdf, 0)
-                w_sum += w
-                keep = (w > 0) & (sampler.next_1d(active) * w_sum < w)
-                y = dr.select(keep, d, y)
-                g_q = dr.select(keep, g / q, g_q)
-                j += 1
+            if dr.hint(self.proposals == 1, mode="scalar"):
+                # The only proposal is kept: f / q · q / p is f / p.
+                y, g, q, pdf = self._proposal(light, mis, i, sampler, si, bsdf, active)
+                lit = q > 0
+                L_ns = g / pdf
+            else:
+                w_sum = mi.Float(0)  # Σ_j w_ij of the proposals so far
+                y = mi.Vector3f(0)  # Direction of the proposal that is kept
+                g_q = mi.Spectrum(0)  # Its (L f cos) / q
+                j = mi.UInt32(0)  # Index of the proposal
+                while j < M:
+                    # ------- (3): keep it with probability w_ij / Σ_j w_ij --------
+                    d, g, q, pdf = self._proposal(light, mis, i, sampler, si, bsdf, active)
+                    w = dr.select(q > 0, q / pdf, 0)
+                    w_sum += w
+                    keep = (w > 0) & (sampler.next_1d(active) * w_sum < w)
+                    y = dr.select(keep, d, y)
+                    g_q = dr.select(keep, g / q, g_q)
+                    j += 1
+                lit = w_sum > 0
+                L_ns = g_q * (w_sum / mi.Float(M))
 
             # ----- (5), (6): one shadow ray towards the proposal that is kept -----
-            lit = active & (w_sum > 0)
             visible = lit & ~scene.ray_test(si.spawn_ray(y), lit)
-            L_o += dr.select(visible, g_q * (w_sum / mi.Float(M)), 0)
+            L_o += dr.select(visible, L_ns, 0)
             i += 1
 
         if dr.hint(self.bsdf_samples > 0, mode="scalar"):
