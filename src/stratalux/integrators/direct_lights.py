@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ..environment import MapCache, MapLight
 from ..errors import InputError
-from ..rigs import RIGS, LightRig, light_rig
+from ..rigs import RIGS, LightRig, Method, light_rig
 from ..techniques import Property, Technique, Value, properties_from
 from .common import DirectIntegrator
 
@@ -17,25 +19,25 @@ _PROPERTIES = {
     "jitter": Property(False, "move each light to a random texel of its stratum at each shading point"),
 }
 _RIG = {"rig": Property("median-cut", "technique that places the lights", choices=tuple(RIGS))}
-_SOURCES = {
-    "median-cut": "Debevec 2005",
-    "structured": "Agarwal et al. 2003",
-    "kmeans": "Cohen and Debevec 2001 (LightGen)",
-    "lloyd": "Kollig and Keller 2003",
-    "penrose": "Ostromoukhov et al. 2004",
-}
+
+
+def _source(method: Method) -> str:
+    """What the first line of the method's file says."""
+    return str(sys.modules[method.__module__].__doc__).splitlines()[0].rstrip(".")
+
+
 TECHNIQUES = tuple(
     Technique(
         name=name,
         plugin="direct_lights",
         summary=f"directional lights placed by {name}",
-        source=_SOURCES.get(name, ""),
+        source=_source(method),
         unbiased=False,
         properties=_PROPERTIES,
         fixed={"rig": name},
         rays=("lights",),
     )
-    for name in RIGS
+    for name, method in RIGS.items()
 )
 _ANY_RIG = Technique("direct_lights", "direct_lights", "", "", False, _RIG | _PROPERTIES)
 
