@@ -38,7 +38,7 @@ test-slow: llvm ## run the statistical tests that take minutes
 	$(BIN)/python -m pytest -m slow $(ARGS)
 
 bench: llvm ## measure efficiency against the baselines
-	$(BIN)/python benchmarks/efficiency.py $(ARGS)
+	$(BIN)/python -m benchmarks.efficiency $(ARGS)
 
 lint: install ## ruff and mypy, without changing a file
 	$(BIN)/ruff check .
