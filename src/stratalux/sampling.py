@@ -67,11 +67,6 @@ class RegionTables:
         weight /= weight.max(axis=1, keepdims=True)  # only the ratio of upper to lower matters inside a cell
         return cls(cdf, np.concatenate(slots), layout, corners, weight.astype(np.float32))
 
-    @property
-    def nbytes(self) -> int:
-        """Memory that the tables take, in bytes."""
-        return sum(a.nbytes for a in (self.cdf, self.slots, self.layout, self.corners, self.row_weight))
-
 
 def _integer_cdf(weights: NDArray[np.float64]) -> NDArray[np.uint32]:
     """Cumulative units of 2⁻³¹, at least one for every positive weight; all zero if no weight is positive."""

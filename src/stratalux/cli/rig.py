@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import time
-from pathlib import Path
 
 import click
 
 from ..rigs import RIGS
+from .output import write_json
 
 
 @click.command()
@@ -30,7 +29,7 @@ def rig(map_file: str, method: str, n: int, output: str | None, plot: str | None
       stratalux rig grace.exr --method structured -n 300 -o - | jq '.lights | length'
     """
     from ..envmap import EnvironmentMap
-    from ..image import PICTURE_SUFFIXES, check_output, check_writable, write_atomically, write_picture
+    from ..image import PICTURE_SUFFIXES, check_output, check_writable, write_picture
     from ..picture import draw_rig
     from ..rigs import light_rig
 
@@ -45,11 +44,7 @@ def rig(map_file: str, method: str, n: int, output: str | None, plot: str | None
     if plot:
         write_picture(plot, draw_rig(environment, made, exposure))
     if output:
-        text = json.dumps({"map": map_file, "preprocessing_seconds": seconds, **made.describe()}, indent=1)
-        if output == "-":
-            click.echo(text)
-        else:
-            write_atomically(output, lambda name: Path(name).write_text(text + "\n", encoding="utf-8"))
+        write_json(output, {"map": map_file, "preprocessing_seconds": seconds, **made.describe()})
     colour = " ".join(f"{c:.4g}" for c in made.total_colour)
     short = "" if len(made) == n else f" (of {n} asked for)"
     click.echo(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import time
-from pathlib import Path
 from typing import Any
 
 import click
+
+from .output import write_json
 
 
 @click.command()
@@ -26,7 +26,7 @@ def stratify(map_file: str, n: int, output: str | None, json_file: str | None, e
       stratalux stratify grace.exr -n 16 --json - | jq '.regions[0].direction'
     """
     from ..envmap import EnvironmentMap
-    from ..image import PICTURE_SUFFIXES, check_output, check_writable, write_atomically, write_picture
+    from ..image import PICTURE_SUFFIXES, check_output, check_writable, write_picture
     from ..median_cut import median_cut
     from ..picture import draw_regions
     from ..regions import describe_regions
@@ -42,11 +42,7 @@ def stratify(map_file: str, n: int, output: str | None, json_file: str | None, e
     if output:
         write_picture(output, draw_regions(environment, regions, exposure))
     if json_file:
-        text = json.dumps({"map": map_file, **describe_regions(environment, regions)}, indent=1)
-        if json_file == "-":
-            click.echo(text)
-        else:
-            write_atomically(json_file, lambda name: Path(name).write_text(text + "\n", encoding="utf-8"))
+        write_json(json_file, {"map": map_file, **describe_regions(environment, regions)})
     click.echo(_summary(regions, n, milliseconds), err=json_file == "-")
 
 
