@@ -105,11 +105,13 @@ def demo_mesh(subdivisions: int = 7) -> TriangleMesh:
     return TriangleMesh(points.reshape(-1, 3).astype(np.float32), faces, normals.reshape(-1, 3).astype(np.float32))
 
 
-def demo_scene(size: tuple[int, int] = (600, 400), spp: int = 16, height: int = 512) -> dict[str, Any]:
+def demo_scene(
+    size: tuple[int, int] = (600, 400), spp: int = 16, height: int = 512, emitter: object | None = None
+) -> dict[str, Any]:
     """The Mitsuba scene dictionary of the demo, without an integrator; needs a variant to be set.
 
     `size` is the (width, height) of the film in pixels, `spp` the samples per pixel and `height` that of
-    the environment map. Raises InputError as `stage`, `demo_map` and `demo_mesh` do.
+    the environment map, which an `emitter` replaces. Raises InputError as `stage`, `demo_map` and `demo_mesh` do.
     """
     import mitsuba as mi
 
@@ -123,7 +125,9 @@ def demo_scene(size: tuple[int, int] = (600, 400), spp: int = 16, height: int = 
             "diffuse_reflectance": {"type": "rgb", "value": [0.86, 0.34, 0.12]},
         },
     }
-    return stage(demo_mesh(), material, {"type": "envmap", "bitmap": mi.Bitmap(demo_map(height))}, size, spp)
+    if emitter is None:
+        emitter = {"type": "envmap", "bitmap": mi.Bitmap(demo_map(height))}
+    return stage(demo_mesh(), material, emitter, size, spp)
 
 
 def _radiance(directions: Array) -> Array:

@@ -47,9 +47,8 @@ def load_scene(
     source = Path(source)
     suffix = source.suffix.lower()
     if str(source) == "demo":
-        scene = mi.load_dict(demo_scene(size or (600, 400)))
-        if environment is not None:
-            _replace_map(image_emitter(scene), environment)
+        emitter = None if environment is None else envmap(environment)
+        scene = mi.load_dict(demo_scene(size or (600, 400), emitter=emitter))
     elif suffix == ".xml":
         scene = _load_xml(source, environment, size, parameters or {})
     elif suffix in FORMATS:
@@ -115,12 +114,6 @@ def _put_environment(state: mi.parser.ParserState, environment: EnvironmentMap) 
             node.props = props
             return
     state.root.props["environment"] = mi.load_dict(envmap(environment))
-
-
-def _replace_map(emitter: mi.Emitter, environment: EnvironmentMap) -> None:
-    params = mi.traverse(emitter)
-    params["data"] = mi.traverse(mi.load_dict(envmap(environment)))["data"]
-    params.update()
 
 
 def _orient(scene: mi.Scene, rotate: tuple[float, float, float], scale: float) -> None:
