@@ -1,0 +1,1 @@
+"""Self-contained HTML reports of comparisons and of the paper's reproduction."""
