@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import CacheWarning
 from ..image import write_atomically
@@ -75,7 +74,7 @@ def _read(path: Path) -> Result | None:
 
 
 def _write(path: Path, result: Result) -> None:
-    arrays: dict[str, NDArray[Any]] = {f"_{k}": v for k, v in result.items() if isinstance(v, np.ndarray)}
+    arrays: dict[str, Any] = {f"_{k}": v for k, v in result.items() if isinstance(v, np.ndarray)}
     plain = {k: v for k, v in result.items() if not isinstance(v, np.ndarray)}
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, lambda name: np.savez(name, plain=json.dumps(plain), **arrays))
