@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import os
+import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +13,28 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-ASSETS = Path(os.environ.get("STRATALUX_ASSETS", Path(__file__).parents[2] / "shared" / "assets"))
+from stratalux.assets import Assets
+from stratalux.cli import main
+
 ALPHA = 1e-3
 """Significance level of every statistical test, for all of its comparisons together (Šidák). Seeds are fixed."""
 
 
 def asset(name: str) -> Path:
-    """Path of a file of real data; skips the test where it is missing."""
-    path = ASSETS / name
-    if not path.exists():
-        pytest.skip(f"needs {name} in {ASSETS} (set STRATALUX_ASSETS)")
+    """A file of real data, by its path in the folder of assets; skips the test where it is missing."""
+    path = Assets().find(name)
+    if path is None:
+        pytest.skip(f"needs {name}: see stratalux assets")
     return path
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    """The exit code of the command line."""
+    monkeypatch.setattr(sys, "argv", ["stratalux", *arguments])
+    with warnings.catch_warnings(), pytest.raises(SystemExit) as stop:
+        warnings.simplefilter("always")  # as in a process of its own, not as in this one
+        main()
+    return int(stop.value.code or 0)
 
 
 def sidak(comparisons: int, alpha: float = ALPHA) -> float:

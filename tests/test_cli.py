@@ -8,17 +8,16 @@ import signal
 import subprocess
 import sys
 import time
-import warnings
 from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
 import pytest
 
-from stratalux.cli import cli, main
+from stratalux.cli import cli
 from stratalux.rigs import RIGS
 from stratalux.techniques import techniques
-from tests.helpers import asset, hall_map
+from tests.helpers import asset, hall_map, run
 
 CUBE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 XML = """<scene version="3.0.0">
@@ -45,14 +44,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     Path("dark.xml").write_text(XML.format(emitter=""))
     Path("constant.xml").write_text(XML.format(emitter='<emitter type="constant"/>'))
     return tmp_path
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["stratalux", *arguments])
-    with warnings.catch_warnings(), pytest.raises(SystemExit) as stop:
-        warnings.simplefilter("always")  # as in a process of its own, not as in this one
-        main()
-    return int(stop.value.code or 0)
 
 
 def luminance(path: str) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from pathlib import Path
 
@@ -12,15 +11,7 @@ import trimesh
 
 from stratalux.errors import InputError
 from stratalux.scenes.mesh import FORMATS, TriangleMesh, load_mesh, smooth_shaded
-
-ASSETS = Path(os.environ.get("STRATALUX_ASSETS", Path(__file__).parents[3] / "shared" / "assets"))
-
-
-def asset(name: str) -> Path:
-    path = ASSETS / name
-    if not path.exists():
-        pytest.skip(f"{path} is missing; set STRATALUX_ASSETS to the folder that has it")
-    return path
+from tests.helpers import asset
 
 
 def written(folder: Path, mesh: trimesh.Trimesh | trimesh.Scene, extension: str, **options: object) -> Path:

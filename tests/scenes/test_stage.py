@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import mitsuba as mi
@@ -16,8 +14,8 @@ from stratalux.errors import InputError
 from stratalux.scenes.materials import MATERIALS, material
 from stratalux.scenes.mesh import TriangleMesh, load_mesh, smooth_shaded
 from stratalux.scenes.stage import MARGIN, stage, standing, to_mitsuba
+from tests.helpers import asset
 
-ASSETS = Path(os.environ.get("STRATALUX_ASSETS", Path(__file__).parents[3] / "shared" / "assets"))
 SKY = {"type": "constant"}
 
 
@@ -81,10 +79,7 @@ def test_the_object_fills_the_frame_and_stays_inside(name: str, size: tuple[int,
 
 @pytest.mark.parametrize("name", ["happy_buddha.obj", "teapot.obj"])
 def test_real_meshes_are_framed(name: str) -> None:
-    path = ASSETS / "meshes" / name
-    if not path.exists():
-        pytest.skip(f"{path} is missing; set STRATALUX_ASSETS to the folder that has it")
-    check_framing(load_mesh(path), (600, 400))
+    check_framing(load_mesh(asset(f"meshes/{name}")), (600, 400))
 
 
 def test_the_object_is_upright_and_seen_from_the_front_right() -> None:

@@ -9,7 +9,7 @@ import click
 
 from ..envmap import EnvironmentMapWarning
 from ..errors import CacheWarning, InputError
-from . import compare, completion, doctor, render, rig, stratify, techniques
+from . import assets, compare, completion, doctor, render, rig, stratify, techniques
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -26,6 +26,7 @@ def cli() -> None:
       stratalux stratify venice.hdr -n 64 -o regions.png
       stratalux rig venice.hdr --method kmeans -n 32 -o rig.json
       stratalux techniques
+      stratalux assets fetch
       stratalux doctor
     """
 
@@ -36,6 +37,7 @@ for command in (
     stratify.stratify,
     rig.rig,
     techniques.techniques,
+    assets.assets,
     doctor.doctor,
     completion.completion,
 ):
