@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import platform
+import sys
 import time
 from pathlib import Path
 
@@ -13,12 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 import stratalux
-from stratalux import provenance
+from stratalux import InputError, provenance
+from stratalux.assets import Assets
 from stratalux.metrics import relative_mse
 
-__all__ = ["ASSETS", "machine", "relative_mse", "timed_render"]
+__all__ = ["asset", "machine", "relative_mse", "timed_render"]
 
-ASSETS = Path(os.environ.get("STRATALUX_ASSETS", Path(__file__).parents[2] / "shared" / "assets"))
+
+def asset(file: str) -> Path:
+    """A file of real data, by its path in the folder of assets; ends the program where it is missing."""
+    try:
+        return Assets().require(file)
+    except InputError as error:
+        sys.exit(str(error))
 
 
 def machine() -> str:

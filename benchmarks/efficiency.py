@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from statistics import median
 
 import mitsuba as mi
 import numpy as np
 
-from benchmarks.common import ASSETS, machine, relative_mse, timed_render
+from benchmarks.common import asset, machine, relative_mse, timed_render
 
 OURS = (64, 1, 4)
 """Strata, proposals, samples per pixel."""
@@ -31,9 +30,9 @@ def load(scale: float) -> mi.Scene:
     from stratalux.scenes.mesh import load_mesh
     from stratalux.scenes.stage import stage
 
-    emitter = envmap(EnvironmentMap.load(ASSETS / "envmaps" / "grace_latlong.exr"))
+    emitter = envmap(EnvironmentMap.load(asset("envmaps/grace_latlong.exr")))
     emitter |= {"scale": scale, "to_world": mi.ScalarTransform4f().rotate([1, 0, 0], 180)}
-    description = stage(load_mesh(ASSETS / "meshes" / "happy_buddha.obj"), material("diffuse"), emitter, (300, 200))
+    description = stage(load_mesh(asset("meshes/happy_buddha.obj")), material("diffuse"), emitter, (300, 200))
     description["sensor"]["film"]["rfilter"] = {"type": "box"}
     return mi.load_dict(description)
 
@@ -44,8 +43,6 @@ def main() -> None:
     parser.add_argument("--reference-spp", type=int, default=16384, help="samples of the reference (default: 16384)")
     parser.add_argument("--json", type=Path, help="write the figures there")
     arguments = parser.parse_args()
-    if not ASSETS.is_dir():
-        sys.exit(f"needs the test assets: set STRATALUX_ASSETS (looked in {ASSETS})")
 
     mi.set_variant("llvm_ad_rgb")
     direct = mi.load_dict({"type": "direct"})

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
 from statistics import median
 from typing import Any
 
-from benchmarks.common import ASSETS, machine
+from benchmarks.common import asset, machine
 from stratalux import EnvironmentMap, median_cut
 from stratalux.rigs import RIGS
 
@@ -17,10 +16,7 @@ ROUNDS = 7
 
 
 def main() -> None:
-    path = ASSETS / "envmaps" / "grace_latlong.exr"
-    if not path.is_file():
-        sys.exit(f"needs {path}: set STRATALUX_ASSETS")
-    texels = EnvironmentMap.load(path).texels
+    texels = EnvironmentMap.load(asset("envmaps/grace_latlong.exr")).texels
     from stratalux.sampling import RegionTables
 
     def stratification(environment: EnvironmentMap, n: int) -> RegionTables:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -11,20 +10,22 @@ import mitsuba as mi
 import numpy as np
 
 import stratalux
-from stratalux import EnvironmentMap, load_scene, median_cut
+from stratalux import EnvironmentMap, InputError, load_scene, median_cut
+from stratalux.assets import Assets
 from stratalux.image import tonemap, write_atomically
 from stratalux.picture import draw_regions
 from stratalux.techniques import techniques as all_techniques
 
 ROOT = Path(__file__).parents[1]
-ASSETS = Path(os.environ.get("STRATALUX_ASSETS", ROOT.parent / "shared" / "assets"))
 GALLERY = ROOT / "docs" / "gallery"
-GRACE = ASSETS / "envmaps" / "grace_latlong.exr"
-MESHES = {"buddha": ASSETS / "meshes" / "happy_buddha.obj", "teapot": ASSETS / "meshes" / "teapot.obj"}
 STRATA = (16, 32, 64, 256)
 EXPOSURE = 4.0
 """Stops, for pictures that are compared."""
 MAPS = ("venice", "studio", "forest", "night", "sky", "apartment", "warehouse")
+
+
+def asset(name: str) -> Path:
+    return Assets().require(name)
 
 
 def save(name: str, pixels: object, quality: int = 85) -> None:
@@ -37,14 +38,14 @@ def render(name: str, scene: mi.Scene, **options: int) -> None:
 
 
 def figure_1() -> None:
-    environment = EnvironmentMap.load(GRACE)
+    environment = EnvironmentMap.load(asset("grace"))
     save("grace-64-regions", draw_regions(environment, median_cut(environment, 64)))
 
 
 def grace(mesh: str) -> None:
     """Strata and proposals on a diffuse and a glossy surface."""
     for material, proposals, spp in (("diffuse", 1, 4), ("metal", 1, 1), ("metal", 50, 1)):
-        scene = load_scene(MESHES[mesh], environment=GRACE, rotate=(180, 0, 0), material=material)
+        scene = load_scene(asset(mesh), environment=asset("grace"), rotate=(180, 0, 0), material=material)
         for strata in STRATA:
             render(f"{mesh}-{material}-{strata}-{proposals}", scene, strata=strata, proposals=proposals, spp=spp)
 
@@ -53,18 +54,18 @@ def maps() -> None:
     for i, name in enumerate(MAPS):
         mesh = ("buddha", "teapot")[i % 2]
         material = ("plastic", "copper", "ceramic", "gold")[i % 4]
-        scene = load_scene(MESHES[mesh], environment=ASSETS / "envmaps" / f"{name}.hdr", material=material)
+        scene = load_scene(asset(mesh), environment=asset(name), material=material)
         render(f"map-{name}", scene, strata=64, proposals=4, spp=32)
 
 
 def matpreview() -> None:
-    render("matpreview", load_scene(ASSETS / "scenes" / "matpreview" / "matpreview.xml"), strata=64, spp=64)
+    render("matpreview", load_scene(asset("matpreview")), strata=64, spp=64)
 
 
 def techniques() -> None:
     """A strip for each technique: Buddha (diffuse) and teapot (metal) in Grace with 16 and 64 rays a shading point."""
     scenes = [
-        load_scene(MESHES[mesh], environment=GRACE, rotate=(180, 0, 0), material=material, size=(300, 200))
+        load_scene(asset(mesh), environment=asset("grace"), rotate=(180, 0, 0), material=material, size=(300, 200))
         for mesh, material in (("buddha", "diffuse"), ("teapot", "metal"))
     ]
     for name, technique in all_techniques().items():
@@ -98,12 +99,13 @@ def main() -> None:
     unknown = [name for name in names if name not in PARTS]
     if unknown:
         sys.exit(f"unknown part {unknown[0]}; known: {', '.join(PARTS)}")
-    if not ASSETS.is_dir():
-        sys.exit(f"needs the test assets: set STRATALUX_ASSETS (looked in {ASSETS})")
     mi.set_variant("llvm_ad_rgb")
     GALLERY.mkdir(parents=True, exist_ok=True)
     for name in names:
-        PARTS[name]()
+        try:
+            PARTS[name]()
+        except InputError as error:
+            sys.exit(str(error))
 
 
 if __name__ == "__main__":
