@@ -106,9 +106,10 @@ def _grid(x_axis: _Axis, y_axis: _Axis) -> str:
 
 
 def _labels(chart: Chart) -> str:
+    middle = (_LEFT + _WIDTH - _RIGHT) / 2
     return (
-        f'<g class="labels"><text class="x" x="{(_LEFT + _WIDTH - _RIGHT) / 2}" y="{_HEIGHT - 8}">{escape(chart.x_label)}'
-        f'</text><text x="4" y="18">{escape(chart.y_label)}</text></g>'
+        f'<g class="labels"><text class="x" x="{middle}" y="{_HEIGHT - 8}">{escape(chart.x_label)}</text>'
+        f'<text x="4" y="18">{escape(chart.y_label)}</text></g>'
     )
 
 

@@ -91,9 +91,9 @@ def heat_map_markup(chart: HeatMap, identifiers: Identifiers) -> str:
     better = "lower" if chart.lower_is_better else "higher"
     return (
         f'<section class="block" aria-labelledby="{title}"><h3 id="{title}">{escape(chart.title)}</h3>'
-        f"{paragraphs(chart.text)}<p>{escape(chart.y_label)} down, {escape(chart.x_label)} across{unit}; {better} is better, "
-        f'★ marks the best.</p>{_scroller(chart.title)}<table class="heat"><thead><tr><td></td>{head}</tr></thead>'
-        f"<tbody>{''.join(rows)}</tbody></table></div></section>"
+        f"{paragraphs(chart.text)}<p>{escape(chart.y_label)} down, {escape(chart.x_label)} across{unit}; "
+        f'{better} is better, ★ marks the best.</p>{_scroller(chart.title)}<table class="heat"><thead><tr><td></td>'
+        f"{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div></section>"
     )
 
 
