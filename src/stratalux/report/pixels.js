@@ -2,6 +2,7 @@
 
 const constants = JSON.parse(document.getElementById('constants').textContent);
 const NOT_FINITE = [0, 229, 255];
+const clamp = (value, low, high) => Math.max(low, Math.min(high, value));
 
 const decoded = new Map();
 
@@ -52,11 +53,13 @@ function unpackPixels(bytes, width, height, scale) {
   return pixels;
 }
 
-/** A colour map of 256 entries from a few anchors in hexadecimal. */
+const COLOUR_STEPS = 512;  // even, so that zero has the colour in the middle
+
+/** A colour map as a table, from a few anchors in hexadecimal. */
 function colourTable(anchors) {
   const colours = anchors.split(' ').map((hex) => [0, 2, 4].map((k) => parseInt(hex.slice(k, k + 2), 16)));
-  return Array.from({ length: 256 }, (_, i) => {
-    const place = (i / 255) * (colours.length - 1);
+  return Array.from({ length: COLOUR_STEPS + 1 }, (_, i) => {
+    const place = (i / COLOUR_STEPS) * (colours.length - 1);
     const k = Math.min(Math.floor(place), colours.length - 2);
     return colours[k].map((a, channel) => Math.round(a + (place - k) * (colours[k + 1][channel] - a)));
   });
@@ -97,7 +100,7 @@ function tonemap(pixels, exposure, out) {
 function colourMap(count, at, table, out) {
   for (let i = 0; i < count; i++) {
     const value = at(i);
-    const colour = Number.isFinite(value) ? table[Math.round(255 * Math.min(1, Math.max(0, value)))] : NOT_FINITE;
+    const colour = Number.isFinite(value) ? table[Math.round(COLOUR_STEPS * clamp(value, 0, 1))] : NOT_FINITE;
     out[4 * i] = colour[0];
     out[4 * i + 1] = colour[1];
     out[4 * i + 2] = colour[2];

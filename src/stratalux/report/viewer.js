@@ -22,7 +22,6 @@ const HELP = [
   ['drag', 'move'], ['double click', 'fit'], ['pinch, swipe', 'zoom, flip through'],
 ];
 
-const clamp = (value, low, high) => Math.max(low, Math.min(high, value));
 const viewers = [];
 
 class Viewer {
