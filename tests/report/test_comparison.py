@@ -59,10 +59,8 @@ def comparison() -> Comparison:
 def test_the_summary_names_the_best(comparison: Comparison) -> None:
     report = comparison_report(comparison)
     assert "room" in report.title and "60x40" in report.subtitle and report.notes == ("Mind the gap.",)
-    assert (
-        "At equal time, with 16 rays, fast:k=2 is the most efficient: 4 times as efficient as slow (biased)"
-        in (report.summary[0])
-    )
+    assert report.summary[0] == "At equal time, with 16 rays, fast:k=2 reaches a relative MSE of 0.025 in 1.6 s."
+    assert report.summary[1].startswith("It is 4 times as efficient as slow, whose error is partly bias")
     assert "the whole image" in report.summary[-1] and "64 samples" in report.summary[-1]
     assert "path" in report.facts["reference"] and "core" in report.facts["machine"]
 
@@ -100,6 +98,13 @@ def test_figures_that_do_not_exist(comparison: Comparison) -> None:
     odd = replace(comparison, equal_time=tuple(broken), equal_rays=tuple(images))
     text = render_report(comparison_report(odd))
     assert "Comparison: room" in text
+
+
+def test_the_unbiased_are_ranked(comparison: Comparison) -> None:
+    slow = replace(SLOW, technique=replace(SLOW.technique, unbiased=True))
+    records = tuple(replace(r, entry=slow) if r.entry is SLOW else r for r in comparison.equal_time)
+    report = comparison_report(replace(comparison, equal_time=records))
+    assert "fast:k=2 is the most efficient: 4 times as efficient as slow. It reaches" in report.summary[0]
 
 
 def test_one_technique_is_compared_with_none(comparison: Comparison) -> None:

@@ -70,23 +70,34 @@ def comparison_report(comparison: Comparison) -> Report:
 
 
 def _verdicts(comparison: Comparison) -> list[str]:
-    """A sentence for each part, at its largest number of rays: who is the most efficient, and by how much."""
+    """Who is the most efficient at equal time, at the largest number of rays, and by how much.
+
+    Biased techniques are named apart: more samples do not bring them to the right image.
+    """
     rays = comparison.rays[-1]
-    sentences = []
-    for what, records in (("At equal time", comparison.equal_time), ("At equal shadow rays", comparison.equal_rays)):
-        ranked = [(comparison.relative_to_best(record), record) for record in records if record.rays == rays]
-        ranked = sorted((pair for pair in ranked if 0 < pair[0] < math.inf), key=lambda pair: -pair[0])
-        if not ranked:
-            continue
-        best = ranked[0][1]
-        error = number(best.errors[comparison.region].relative_mse.median)
-        text = f"{what}, with {rays} rays, {_name(best.entry)} "
-        if len(ranked) == 1:
-            text += f"reaches a relative MSE of {error} in {number(best.seconds.median)} s."
-        else:
-            others = ", ".join(f"{1 / share:.2g} times as efficient as {_name(r.entry)}" for share, r in ranked[1:])
-            text += f"is the most efficient: {others}. Its relative MSE is {error} in {number(best.seconds.median)} s."
-        sentences.append(text)
+    ranked = [(r.errors[comparison.region].efficiency, r) for r in comparison.equal_time if r.rays == rays]
+    ranked = sorted((pair for pair in ranked if 0 < pair[0] < math.inf), key=lambda pair: -pair[0])
+    unbiased = [pair for pair in ranked if pair[1].entry.technique.unbiased]
+    biased = [pair for pair in ranked if not pair[1].entry.technique.unbiased]
+    if not ranked:
+        return []
+    efficiency, best = (unbiased or biased)[0]
+    error = number(best.errors[comparison.region].relative_mse.median)
+    reached = f"a relative MSE of {error} in {number(best.seconds.median)} s"
+
+    def beside(others: Sequence[tuple[float, Record]]) -> str:
+        return ", ".join(f"{efficiency / other:.2g} times as efficient as {r.entry.name}" for other, r in others)
+
+    if len(unbiased or biased) == 1:
+        sentences = [f"At equal time, with {rays} rays, {_name(best.entry)} reaches {reached}."]
+    else:
+        what = "the most efficient unbiased technique" if unbiased and biased else "the most efficient"
+        others = beside((unbiased or biased)[1:])
+        sentences = [f"At equal time, with {rays} rays, {_name(best.entry)} is {what}: {others}. It reaches {reached}."]
+    if unbiased and biased:
+        sentences.append(
+            f"It is {beside(biased)}, whose error is partly bias, which more samples do not remove: look at the images."
+        )
     return sentences
 
 

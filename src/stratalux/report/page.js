@@ -44,9 +44,9 @@ function followSections() {
   const links = new Map([...document.querySelectorAll('.contents a')].map((a) => [a.hash.slice(1), a]));
   const seen = new IntersectionObserver((entries) => {
     for (const { target, isIntersecting } of entries) {
-      if (!isIntersecting) continue;
-      links.forEach((link) => link.removeAttribute('aria-current'));
-      links.get(target.id)?.setAttribute('aria-current', 'true');
+      const link = links.get(target.id);
+      if (isIntersecting) link?.setAttribute('aria-current', 'true');
+      else link?.removeAttribute('aria-current');
     }
   }, { rootMargin: '-20% 0px -75% 0px' });
   document.querySelectorAll('.part').forEach((part) => seen.observe(part));

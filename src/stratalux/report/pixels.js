@@ -123,8 +123,9 @@ function relativeError(pixels, truth, i) {
 
 /** Three significant digits. */
 function digits(value) {
-  if (!Number.isFinite(value)) return String(value);
+  if (!Number.isFinite(value) || value === 0) return String(Math.abs(value) || value);
   const size = Math.abs(value);
-  if (size !== 0 && (size < 1e-3 || size >= 1e5)) return value.toExponential(1).replace('e+', 'e');
-  return value === 0 ? '0' : value.toFixed(Math.max(0, 2 - Math.max(-3, Math.floor(Math.log10(size)))));
+  const text = size < 1e-3 || size >= 1e5 ? size.toExponential(1).replace('e-', 'e−').replace('e+', 'e')
+    : size.toFixed(Math.max(0, 2 - Math.floor(Math.log10(size))));
+  return value < 0 ? `−${text}` : text;
 }

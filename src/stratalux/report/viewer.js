@@ -113,11 +113,11 @@ class Viewer {
         this.againstGroup,
         this.showButtons.size > 1 ? group('joined', 'What is shown', ...this.showButtons.values()) : '',
         group('exposure', 'Exposure', h('span', { 'aria-hidden': 'true' }, 'Exposure'), this.exposure, this.exposureText,
-          button('Reset', () => this.apply({ exposure: this.set.exposure }), { 'aria-label': 'Reset exposure' })),
+          button('↺', () => this.apply({ exposure: this.set.exposure }), { 'aria-label': 'Reset exposure' })),
         group('zoom', 'Zoom', button('−', () => this.zoomBy(1 / ZOOM_STEP), { 'aria-label': 'Zoom out' }), this.zoomText,
-          button('+', () => this.zoomBy(ZOOM_STEP), { 'aria-label': 'Zoom in' }), button('Fit', () => this.fit())),
-        crops.length ? group('crops', 'Crops', h('span', {}, 'Look at'), ...crops) : '',
-        group('', 'Size', this.largeButton)),
+          button('+', () => this.zoomBy(ZOOM_STEP), { 'aria-label': 'Zoom in' }), button('Fit', () => this.fit()),
+          this.largeButton),
+        crops.length ? group('crops', 'Crops', h('span', {}, 'Look at'), ...crops) : ''),
       this.stage,
       h('div', { class: 'below' }, h('div', { class: 'readout' }, this.where, this.values), this.bar),
       this.facts,
@@ -209,7 +209,7 @@ class Viewer {
     const text = SHOWS.find(([name]) => name === show)[1];
     this.barStrip.setAttribute('aria-label', `${text}: colours from ${digits(low)} to ${digits(high)}`);
     const sign = show === 'relative' ? '+' : '';
-    this.barTexts[0].textContent = digits(low).replace('-', '−') + (show === 'relative' ? ' too dark' : '');
+    this.barTexts[0].textContent = digits(low) + (show === 'relative' ? ' too dark' : '');
     this.barTexts[1].textContent = show === 'relative' ? '0' : text;
     this.barTexts[2].textContent = `${sign}${digits(high)}${show === 'relative' ? ' too bright' : show === 'absolute' ? ' or more' : ''}`;
   }
@@ -265,9 +265,9 @@ class Viewer {
     const high = this.large ? this.stage.clientHeight : Infinity;
     let columns = 1;
     if (count > 1) {
-      const sizes = Array.from({ length: count }, (_, k) => k + 1).map((n) => Math.min(wide / n / width,
-        Math.min(high, innerHeight * 0.8) / Math.ceil(count / n) / height));
-      columns = sizes.indexOf(Math.max(...sizes)) + 1;
+      // As few columns as let all be seen at once; never so many that nothing is recognised.
+      const tall = (n) => Math.ceil(count / n) * (wide / n) * height / width;
+      while (columns < count && tall(columns) > Math.min(high, innerHeight * 0.9)) columns += 1;
       if (!this.large) columns = Math.max(1, Math.min(columns, Math.floor(wide / 160)));
     }
     this.stage.style.setProperty('--columns', columns);
@@ -389,7 +389,7 @@ class Viewer {
     this.values.replaceChildren(...ks.map((k) => {
       const rgb = [0, 1, 2].map((c) => h('span', { class: 'rgb' }, digits(this.pictures[k].linear[3 * i + c])));
       const error = show !== 'image' && k !== this.set.reference
-        ? [h('span', { class: 'error' }, `${show} ${digits(this.error(k, i))}`)] : [];
+        ? [h('span', { class: 'error' }, `${show} ${show === 'flip' ? '' : 'error '}${digits(this.error(k, i))}`)] : [];
       return h('span', { class: 'value' }, h('b', {}, this.pictures[k].name), ...rgb, ...error);
     }));
   }
