@@ -44,7 +44,7 @@ function enhanceChart(figure) {
   plot.addEventListener('blur', () => show(null));
   plot.tabIndex = 0;
   plot.setAttribute('role', 'group');
-  plot.setAttribute('aria-label', 'Curves: the left and right arrow keys walk along one, up and down change to another');
+  plot.setAttribute('aria-label', 'Curves: left and right arrow keys walk along one, up and down change to another');
   plot.addEventListener('keydown', (event) => {
     const curves = [...new Set(visible().map((point) => point.curve))];
     if (!curves.length || event.ctrlKey || event.metaKey || event.altKey) return;

@@ -28,7 +28,7 @@ LARGEST_PAGE = 25_000_000
 """Bytes."""
 _RESERVE = 200_000
 """For what is not known before the page is made, mostly the notes and descriptions of pictures."""
-_SCRIPTS = ("page.js", "pixels.js", "charts.js", "viewer.js")
+_SCRIPTS = ("page.js", "pixels.js", "charts.js", "stage.js", "viewer.js")
 
 
 def write_report(report: Report, path: str | Path) -> None:
