@@ -67,7 +67,7 @@ def shoot(driver: Any, report: Path, size: tuple[int, int], scheme: str, top: st
     driver.execute_script(_SCROLL, top)
     time.sleep(0.3)  # the navigation follows
     driver.execute_async_script(_FRAMES)
-    for quality in (88, 75, 60):
+    for quality in (88, 75, 60, 45):
         shot = driver.execute_cdp_cmd("Page.captureScreenshot", {"format": "jpeg", "quality": quality})
         data = base64.b64decode(shot["data"])
         if len(data) < LARGEST:

@@ -98,6 +98,7 @@ def test_values_under_the_cursor(browser: Browser) -> None:
     browser.mouse("mouseMoved", browser.place(15, 31))
     luminance = ramp()[31, 15] @ [0.2126, 0.7152, 0.0722]
     error = luminance / np.sqrt(luminance**2 + 0.01)
+    assert browser.find(".error").text.startswith("Relative error 0.")
     assert float(browser.find(".error").text.split()[-1]) == pytest.approx(error, abs=2e-3)
     browser.mouse("mouseMoved", (2, 2))
     assert browser.text(".where").startswith("middle")

@@ -49,8 +49,8 @@ def comparison_report(comparison: Comparison) -> Report:
                 comparison,
                 "equal-time",
                 "Equal time",
-                "At each number of rays all take the median of the times that they took at equal shadow rays, "
-                "by the samples per pixel.",
+                "At each number of rays, all are allowed the median of the times that they take at equal shadow rays: "
+                "they get as many samples per pixel as take so long, and at least one.",
                 comparison.equal_time,
                 ("rendering time in seconds", lambda record: record.seconds.median),
             ),
@@ -58,7 +58,7 @@ def comparison_report(comparison: Comparison) -> Report:
                 comparison,
                 "equal-rays",
                 "Equal shadow rays",
-                "All trace the same number of shadow rays in a pixel, and take the time that this takes.",
+                "All may trace the same number of shadow rays in a pixel, however long that takes.",
                 comparison.equal_rays,
                 ("shadow rays per pixel", lambda record: float(record.rays_per_pixel)),
             ),

@@ -243,11 +243,12 @@ class Viewer {
     const shown = layout === 'all' && probe ? probe.k : current;
     const ks = [...new Set([shown, ...(layout === 'split' ? [against] : []),
       ...(this.set.reference === null ? [] : [this.set.reference])])];
+    const called = SHOWS.find(([name]) => name === show)[1];
     this.where.textContent = `${probe ? 'pixel' : 'middle pixel'} ${x}, ${y}`;
     this.values.replaceChildren(...ks.map((k) => {
       const rgb = this.radiance(k, i).map((value) => h('span', { class: 'rgb' }, digits(value)));
       const error = show !== 'image' && k !== this.set.reference
-        ? [h('span', { class: 'error' }, `${show} ${show === 'flip' ? '' : 'error '}${digits(this.error(k, i))}`)] : [];
+        ? [h('span', { class: 'error' }, `${called} ${digits(this.error(k, i))}`)] : [];
       return h('span', { class: 'value' }, h('b', {}, this.pictures[k].name), ...rgb, ...error);
     }));
   }
