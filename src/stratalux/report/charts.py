@@ -16,7 +16,7 @@ from .tables import table_markup
 from .text import Identifiers, number, paragraphs
 
 _WIDTH, _HEIGHT = 640, 400
-_LEFT, _RIGHT, _TOP, _BOTTOM = 66, 14, 34, 52
+_LEFT, _RIGHT, _TOP, _BOTTOM = 70, 14, 34, 60
 _COLOURS = 7
 """Series colours in the style sheet; further curves take them again with another marker."""
 _MOST_TICKS = 8

@@ -51,7 +51,7 @@ def encode_unit(values: NDArray[np.float32]) -> str:
 
 def compress(data: NDArray[np.uint8]) -> str:
     """Bytes as text. The same bytes give the same text."""
-    return base64.b64encode(gzip.compress(data.tobytes(), compresslevel=9, mtime=0)).decode("ascii")
+    return base64.b64encode(gzip.compress(data.tobytes(), compresslevel=6, mtime=0)).decode("ascii")
 
 
 def decompress(text: str) -> NDArray[np.uint8]:

@@ -57,7 +57,13 @@ def encode_set(block: ImageSet) -> EncodedSet:
         pixels, scale = encode_pixels(np.asarray(picture.image, dtype=np.float32))
         flip = None if picture.flip is None else _keep(data, encode_unit(picture.flip))
         described.append(
-            {"name": picture.name, "facts": picture.facts, "pixels": _keep(data, pixels), "scale": scale, "flip": flip}
+            {
+                "name": picture.name,
+                "facts": picture.facts,
+                "pixels": _keep(data, pixels, f"{scale}"),
+                "scale": scale,
+                "flip": flip,
+            }
         )
     stills = tuple(_still(picture.image, block.exposure) for picture in pictures)
     return EncodedSet(block, stills, tuple(described), data)
@@ -110,7 +116,8 @@ def _still(image: NDArray[np.float32], exposure: float) -> str:
     return "data:image/jpeg;base64," + base64.b64encode(jpeg(tonemap(image, exposure))).decode("ascii")
 
 
-def _keep(data: dict[str, str], text: str) -> str:
-    name = "pixels-" + hashlib.sha256(text.encode("ascii")).hexdigest()[:16]
+def _keep(data: dict[str, str], text: str, how: str = "") -> str:
+    """Put a payload into ``data``; its name tells its content, and how it is to be read."""
+    name = "pixels-" + hashlib.sha256(f"{how} {text}".encode("ascii")).hexdigest()[:16]
     data[name] = text
     return name

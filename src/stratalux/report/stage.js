@@ -64,6 +64,7 @@ class Stage {
     this.waiting = true;
     requestAnimationFrame(() => {
       this.waiting = false;
+      if (!this.element.clientWidth) return;  // not visible; the observer tells when it is
       this.arrange();
       this.panes.forEach((pane) => this.draw(pane));
       this.owner.drawn();
@@ -108,14 +109,19 @@ class Stage {
     return this.fitting(canvas) * this.zoom;
   }
 
+  /** The scale at which all of the image is just seen. */
   fitting(canvas) {
     return Math.min(canvas.width / this.width, canvas.height / this.height);
   }
 
+  largestZoom(canvas) {
+    return Math.max(1, LARGEST_PIXEL * (devicePixelRatio || 1) / this.fitting(canvas));
+  }
+
+  /** Nothing is shown beyond the image, except where it is smaller than its pane. */
   keepInside() {
     const { canvas } = this.panes[0];
-    this.zoom = clamp(this.zoom, 1,
-      Math.max(1, LARGEST_PIXEL * (devicePixelRatio || 1) / this.fitting(canvas)));
+    this.zoom = clamp(this.zoom, 1, this.largestZoom(canvas));
     const scale = this.scale(this.panes[0]);
     const inside = (centre, size, room) => (room / scale >= size ? size / 2
       : clamp(centre, room / 2 / scale, size - room / 2 / scale));
@@ -152,7 +158,7 @@ class Stage {
     if (this.probe && this.probe.marked) this.drawProbe(context, scale, x, y);
   }
 
-  /** The pixel that a finger or the keyboard is at. */
+  /** A frame around the pixel that a finger points at, and hides. */
   drawProbe(context, scale, x, y) {
     const size = Math.max(scale, 7);
     const left = x + (this.probe.x + 0.5) * scale - size / 2, top = y + (this.probe.y + 0.5) * scale - size / 2;
@@ -162,6 +168,7 @@ class Stage {
     }
   }
 
+  /** Numbers on the pixels, which are large enough for them. */
   drawValues({ canvas, context }, k, scale, x, y) {
     const { width, height } = this;
     const step = scale / 4.4;
@@ -191,9 +198,8 @@ class Stage {
   /** Zoom by `factor`; what is at `at`, in device pixels of the canvas of `pane`, stays there. */
   zoomBy(factor, pane = this.panes[0], at = [pane.canvas.width / 2, pane.canvas.height / 2]) {
     const from = [at[0] - pane.canvas.width / 2, at[1] - pane.canvas.height / 2];
-    const before = this.scale(pane), fitting = this.fitting(pane.canvas);
-    const largest = Math.max(1, LARGEST_PIXEL * (devicePixelRatio || 1) / fitting);
-    this.zoom = clamp(this.zoom * factor, 1, largest);
+    const before = this.scale(pane);
+    this.zoom = clamp(this.zoom * factor, 1, this.largestZoom(pane.canvas));
     const after = this.scale(pane);
     this.x += from[0] / before - from[0] / after;
     this.y += from[1] / before - from[1] / after;
