@@ -63,7 +63,7 @@ def test_the_page_is_whole(text: str) -> None:
     assert [h for h, _ in page.elements if re.fullmatch(r"h\d", h)][:4] == ["h1", "h2", "h2", "h2"]
     ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
     assert len(ids) == len(set(ids))
-    assert {a["href"] for a in page.all("a")} == {"#content", "#claims", "#pictures", "#facts"}
+    assert {a["href"] for a in page.all("a")} == {"#report-content", "#claims", "#pictures", "#report-facts"}
     labels = [a["aria-labelledby"] for _, a in page.elements if "aria-labelledby" in a]
     assert set(labels) <= set(ids)
 

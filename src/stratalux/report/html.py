@@ -42,18 +42,12 @@ def render_report(report: Report, largest: int = LARGEST_PAGE) -> str:
     anchors = Counter(section.anchor for section in report.sections)
     if double := [anchor for anchor, count in anchors.items() if count > 1]:
         raise ValueError(f"anchor '{double[0]}' names several sections")
-    sets = {
-        id(block): encode_set(block)
-        for section in report.sections
-        for block in section.blocks
-        if isinstance(block, ImageSet)
-    }
+    sets = [encode_set(block) for section in report.sections for block in section.blocks if isinstance(block, ImageSet)]
     with_nothing = _page(report, sets, stills=0, viewers=0)
     room = largest - len(with_nothing.encode()) - min(_RESERVE, largest // 10)
-    ordered = list(sets.values())
-    stills = _fitting([(encoded.still_size, {}) for encoded in ordered], room)
-    room -= sum(encoded.still_size for encoded in ordered[:stills])
-    viewers = _fitting([(0, {n: len(t) for n, t in encoded.data.items()}) for encoded in ordered[:stills]], room)
+    stills = _fitting([(encoded.still_size, {}) for encoded in sets], room)
+    room -= sum(encoded.still_size for encoded in sets[:stills])
+    viewers = _fitting([(0, {n: len(t) for n, t in encoded.data.items()}) for encoded in sets[:stills]], room)
     return _page(report, sets, stills, viewers)
 
 
@@ -69,25 +63,24 @@ def _fitting(sizes: Sequence[tuple[int, dict[str, int]]], room: int) -> int:
     return len(sizes)
 
 
-def _page(report: Report, sets: dict[int, EncodedSet], stills: int, viewers: int) -> str:
-    """The page with the stills of the first ``stills`` sets, and the linear pixels of the first ``viewers``."""
+def _page(report: Report, sets: Sequence[EncodedSet], stills: int, viewers: int) -> str:
+    """The page with the stills of the first ``stills`` sets, and the linear pixels of the first ``viewers``.
+
+    ``sets``: the image sets of the report, in its order.
+    """
     identifiers = Identifiers()
     claims = [claim for section in report.sections for claim in section.claims]
     notes = list(report.notes)
-    ordered = list(sets.values())
-    for missing, what in (
-        (ordered[viewers:stills], "are stills, without linear pixels"),
-        (ordered[stills:], "are left out"),
-    ):
+    for missing, what in ((sets[viewers:stills], "are stills, without linear pixels"), (sets[stills:], "are left out")):
         if missing:
             names = ", ".join(f"'{encoded.block.title}'" for encoded in missing)
             notes.append(f"The pictures of {names} {what}, or the page would be larger than it may.")
-    ranks = {key: k for k, key in enumerate(sets)}
+    ranked = iter(enumerate(sets))
 
     def block_markup(block: Block) -> str:
         if isinstance(block, ImageSet):
-            rank = ranks[id(block)]
-            return set_markup(sets[id(block)], identifiers, stills=rank < stills, viewer=rank < viewers)
+            rank, encoded = next(ranked)
+            return set_markup(encoded, identifiers, stills=rank < stills, viewer=rank < viewers)
         if isinstance(block, Chart):
             return chart_markup(block, identifiers)
         if isinstance(block, HeatMap):
@@ -95,7 +88,7 @@ def _page(report: Report, sets: dict[int, EncodedSet], stills: int, viewers: int
         return table_block(block, identifiers)
 
     sections = "".join(_section(section, "".join(map(block_markup, section.blocks))) for section in report.sections)
-    data = {name: text for encoded in ordered[:viewers] for name, text in encoded.data.items()}
+    data = {name: text for encoded in sets[:viewers] for name, text in encoded.data.items()}
     constants = {"luminance": LUMINANCE.tolist(), "epsilon": RELATIVE_EPSILON, "magma": MAGMA, "signed": SIGNED}
     return Template(_asset("page.html")).substitute(
         title=escape(report.title),
@@ -137,7 +130,7 @@ def _notes(notes: Sequence[str]) -> str:
         return ""
     items = "".join(f"<li>{escape(note)}</li>" for note in notes)
     return (
-        '<aside class="notes" aria-labelledby="notes"><h2 id="notes">Before you trust the figures</h2>'
+        '<aside class="notes" aria-labelledby="report-notes"><h2 id="report-notes">Before you trust the figures</h2>'
         f"<ul>{items}</ul></aside>"
     )
 
@@ -153,7 +146,7 @@ def _navigation(report: Report) -> str:
         tally = f'<span class="tally" aria-hidden="true">{signs}</span>' if signs else ""
         links.append(f'<li><a href="#{escape(section.anchor)}">{escape(section.title)}{tally}</a></li>')
     if report.facts:
-        links.append('<li><a href="#facts">How it was made</a></li>')
+        links.append('<li><a href="#report-facts">How it was made</a></li>')
     return "".join(links)
 
 
@@ -173,6 +166,7 @@ def _facts(facts: dict[str, str]) -> str:
         f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>' for name, value in facts.items()
     )
     return (
-        '<section class="part" id="facts" aria-labelledby="facts-title"><h2 id="facts-title">How it was made</h2>'
+        '<section class="part" id="report-facts" aria-labelledby="report-facts-title">'
+        '<h2 id="report-facts-title">How it was made</h2>'
         f'<table class="facts"><tbody>{rows}</tbody></table></section>'
     )

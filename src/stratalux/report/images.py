@@ -94,14 +94,14 @@ def set_markup(encoded: EncodedSet, identifiers: Identifiers, *, stills: bool, v
 
 def _description(encoded: EncodedSet, title: str) -> str:
     block = encoded.block
-    height, width, _ = block.pictures[0].image.shape if block.pictures else pictures_of(block)[0].image.shape
+    pictures = pictures_of(block)
+    height, width, _ = pictures[0].image.shape
     content = {
-        "title": block.title,
         "titleId": title,
         "width": width,
         "height": height,
         "exposure": block.exposure,
-        "reference": next((k for k, picture in enumerate(pictures_of(block)) if picture is block.reference), None),
+        "reference": next((k for k, picture in enumerate(pictures) if picture is block.reference), None),
         "pictures": encoded.pictures,
         "crops": [vars(crop) for crop in block.crops],
     }

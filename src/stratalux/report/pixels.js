@@ -1,6 +1,6 @@
 // Pixels: from the page's text to linear radiance, and from there to the colours of a canvas.
 
-const constants = JSON.parse(document.getElementById('constants').textContent);
+const constants = JSON.parse(document.getElementById('report-constants').textContent);
 const NOT_FINITE = [0, 229, 255];
 const clamp = (value, low, high) => Math.max(low, Math.min(high, value));
 
