@@ -163,6 +163,7 @@ def test_compare_writes_a_folder_and_a_table(
     content = json.loads(Path("compare-mesh/results.json").read_text())
     assert [entry["name"] for entry in content["entries"]] == ["stratified", "direct"]
     assert content["settings"]["rays"] == [4] and Path("compare-mesh/direct-4.png").exists()
+    assert "report.html" in out and Path("compare-mesh/report.html").exists()
     assert len(list(Path("cache").rglob("*.npz"))) == 1
     assert run(monkeypatch, *arguments, "--force", "-q") == 0
     captured = capsys.readouterr()

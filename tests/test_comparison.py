@@ -224,6 +224,8 @@ def test_the_folder_is_complete(compared: Comparison, tmp_path: Path) -> None:
     stems += [f"{name}-{n}{tail}" for name in map(slug, ENTRIES) for n in (4, 16) for tail in ("", "-equal-time")]
     assert {f"{stem}{suffix}" for stem in stems for suffix in (".exr", ".png")} <= set(content["files"])
     assert {f"error-{x}.{y}" for x in ("rays", "time") for y in ("svg", "png")} <= set(content["files"])
+    page = (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
+    assert "report.html" in content["files"] and page.startswith("<!DOCTYPE html>") and "Comparison: ball" in page
     image = mi.Bitmap(str(tmp_path / "r" / "direct-4.exr"))
     np.testing.assert_array_equal(np.array(image), compared.equal_rays[2].image)
     assert json.loads(image.metadata()["integrator"])["emitter_samples"] == 3

@@ -68,7 +68,7 @@ class Comparison:
         return 1.0 if mine == best else float(mine / best)
 
     def write(self, folder: str | Path, *, force: bool = False) -> None:
-        """Write images, ``results.json`` and curves; see :func:`stratalux.results.write_results`."""
+        """Write a report, images, ``results.json`` and curves; see :func:`stratalux.results.write_results`."""
         from .results import write_results
 
         write_results(self, folder, force=force)

@@ -1,4 +1,4 @@
-"""Image files in and out; the codecs are Mitsuba's."""
+"""Image files in and out; the codecs are Mitsuba's, which is imported only when a file is read or written."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ import os
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
 from .geometry import LUMINANCE
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 OUTPUT_SUFFIXES = (".exr", ".png", ".jpg", ".hdr", ".pfm")
 PICTURE_SUFFIXES = (".png", ".jpg")
@@ -21,6 +24,8 @@ PICTURE_SUFFIXES = (".png", ".jpg")
 
 def read_rgb(path: str | Path) -> NDArray[np.float32]:
     """Linear RGB pixels (H, W, 3) of an image file. Raises :class:`InputError` if it cannot be read."""
+    import mitsuba as mi
+
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file; give an image (.exr, .hdr, .pfm)")
@@ -65,6 +70,8 @@ def write_image(
 
     OpenEXR files carry ``metadata``. PNG and JPEG files are tone-mapped, see :func:`tonemap`.
     """
+    import mitsuba as mi
+
     path = check_output(path)
     if path.suffix.lower() in PICTURE_SUFFIXES:
         pixels = np.array(bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False))
@@ -77,7 +84,18 @@ def write_image(
 
 def write_picture(path: str | Path, pixels: NDArray[np.uint8]) -> None:
     """Write 8-bit sRGB pixels (H, W, 3) as .png or .jpg."""
+    import mitsuba as mi
+
     write_atomically(path, mi.Bitmap(pixels).write)
+
+
+def jpeg(pixels: NDArray[np.uint8], quality: int = 85) -> bytes:
+    """8-bit sRGB pixels (H, W, 3) as a JPEG file."""
+    import mitsuba as mi
+
+    stream = mi.MemoryStream()
+    mi.Bitmap(np.ascontiguousarray(pixels)).write(stream, mi.Bitmap.FileFormat.JPEG, quality)
+    return bytes(stream.raw_buffer())
 
 
 def write_atomically(path: str | Path, write: Callable[[str], object]) -> None:

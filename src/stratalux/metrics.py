@@ -39,19 +39,27 @@ def relative_mse(image: Image, reference: Image, mask: Mask | None = None) -> fl
 
 
 def flip(image: Image, reference: Image, mask: Mask | None = None) -> float:
-    """Mean HDR-FLIP in [0, 1], a difference as a person would see it who flips between the two images.
+    """Mean of :func:`flip_map`; NaN where there is none."""
+    differences = flip_map(image, reference)
+    if differences is None:
+        return float("nan")
+    return float(np.mean(differences if mask is None else differences[mask], dtype=np.float64))
+
+
+def flip_map(image: Image, reference: Image) -> NDArray[np.float32] | None:
+    """HDR-FLIP (H, W) in [0, 1], a difference as a person would see it who flips between the two images.
 
     Andersson, Nilsson, Shirley and Akenine-Möller 2021, with NVIDIA's own package and defaults: 67 pixels per degree,
-    ACES, exposures from the reference. Negative values count as 0, and one channel as grey. NaN where the reference is
-    black, where FLIP is not defined, or an image is not finite. Raises :class:`ImportError` if :func:`why_no_flip`.
+    ACES, exposures from the reference. Negative values count as 0, and one channel as grey. None where the reference
+    is black, where FLIP is not defined, or an image is not finite. Raises :class:`ImportError` if :func:`why_no_flip`.
     """
     import flip_evaluator
 
     test, truth = (_colour(pixels) for pixels in (image, reference))
     if not (np.isfinite(test).all() and np.isfinite(truth).all()) or (truth @ LUMINANCE).max() < _BLACK:
-        return float("nan")
-    differences = flip_evaluator.evaluate(truth, test, "HDR", applyMagma=False)[0][..., 0]
-    return float(np.mean(differences if mask is None else differences[mask], dtype=np.float64))
+        return None
+    differences: NDArray[np.float32] = flip_evaluator.evaluate(truth, test, "HDR", applyMagma=False)[0][..., 0]
+    return differences
 
 
 def why_no_flip() -> str | None:

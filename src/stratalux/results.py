@@ -1,10 +1,11 @@
-"""The folder that a comparison leaves: images, ``results.json``, and curves.
+"""The folder that a comparison leaves: a report, images, ``results.json``, and curves.
 
 ======================================  ==============================================================================
 ``reference.exr``, ``.png``             the reference
 ``reference-standard-error.exr``        standard error of each of its values
 ``ENTRY-RAYS.exr``, ``.png``            first repeat of an entry at a number of rays
 ``ENTRY-RAYS-equal-time.exr``, ``.png`` the same at equal time
+``report.html``                         everything on one page, see :mod:`stratalux.report.comparison`
 ``results.json``                        all figures
 ``error-rays.svg``, ``.png``            relative MSE over shadow rays per pixel
 ``error-time.svg``, ``.png``            relative MSE over seconds
@@ -192,6 +193,8 @@ def _describe_spread(spread: Spread) -> dict[str, Any]:
 
 def _fill(comparison: Comparison, folder: Path) -> None:
     from .curves import draw_curves, why_no_curves
+    from .report.comparison import comparison_report
+    from .report.html import write_report
 
     stops = exposure(comparison)
     reference = comparison.reference
@@ -211,6 +214,7 @@ def _fill(comparison: Comparison, folder: Path) -> None:
         draw_curves(comparison, folder)
     elif no_curves not in comparison.notes:
         comparison.notes.append(no_curves)
+    write_report(comparison_report(comparison), folder / "report.html")
     content = describe(comparison)
     content["files"] = sorted([path.name for path in folder.iterdir()] + ["results.json"])
     text = json.dumps(_finite(content), indent=1, allow_nan=False, ensure_ascii=False)

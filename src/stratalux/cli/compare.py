@@ -56,7 +56,8 @@ def compare(scene: str, **options: Any) -> None:
     """Compare techniques on SCENE (as for render), at equal numbers of shadow rays and at equal time.
 
     Errors are measured against a reference that none of the techniques made; it is kept in ~/.cache/stratalux. The
-    folder gets all images (.exr, .png), results.json, and log-log curves (.svg, .png).
+    folder gets report.html, a page to open in a browser, all images (.exr, .png), results.json, and log-log curves
+    (.svg, .png).
 
     \b
     Examples:
@@ -115,7 +116,7 @@ def compare(scene: str, **options: Any) -> None:
     )
     for title, records in (("Equal shadow rays", result.equal_rays), ("Equal time", result.equal_time)):
         console.print(_table(f"{title}; {_WHERE[result.region]}", result, records))
-    console.print(f"wrote {folder}")
+    console.print(f"wrote {folder}; open {folder / 'report.html'} in a browser")
 
 
 _WHERE = {"surface": "errors over the pixels that are all surface", "image": "errors over the whole image"}
