@@ -45,13 +45,20 @@ def flip(image: Image, reference: Image, mask: Mask | None = None) -> float:
     ACES, exposures from the reference. Negative values count as 0, and one channel as grey. NaN where the reference is
     black, where FLIP is not defined, or an image is not finite. Raises :class:`ImportError` if :func:`why_no_flip`.
     """
+    differences = flip_map(image, reference)
+    if differences is None:
+        return float("nan")
+    return float(np.mean(differences if mask is None else differences[mask], dtype=np.float64))
+
+
+def flip_map(image: Image, reference: Image) -> NDArray[np.float32] | None:
+    """HDR-FLIP in every pixel, (H, W) in [0, 1]; None where :func:`flip` is NaN."""
     import flip_evaluator
 
     test, truth = (_colour(pixels) for pixels in (image, reference))
     if not (np.isfinite(test).all() and np.isfinite(truth).all()) or (truth @ LUMINANCE).max() < _BLACK:
-        return float("nan")
-    differences = flip_evaluator.evaluate(truth, test, "HDR", applyMagma=False)[0][..., 0]
-    return float(np.mean(differences if mask is None else differences[mask], dtype=np.float64))
+        return None
+    return np.asarray(flip_evaluator.evaluate(truth, test, "HDR", applyMagma=False)[0][..., 0])
 
 
 def why_no_flip() -> str | None:

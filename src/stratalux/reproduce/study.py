@@ -34,6 +34,8 @@ class Study:
         self.done = 0.0
         self.resumed = 0
         """Steps whose results were found."""
+        self.numbers: dict[str, Result] = {}
+        """What the steps so far have found, by name, without the arrays."""
 
     def step(
         self, name: str, settings: Mapping[str, Any], work: float, compute: Callable[[Fraction], Result]
@@ -52,6 +54,7 @@ class Study:
             _write(path, result)
         else:
             self.resumed += 1
+        self.numbers[name] = {key: value for key, value in result.items() if not isinstance(value, np.ndarray)}
         self.done += work
         self._show(0.0, name)
         return result
