@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+from types import FrameType
 from typing import Any
 
 import click
@@ -56,11 +57,14 @@ def reproduce(items: tuple[str, ...], **options: Any) -> None:
         TextColumn("{task.description}"),
     )
     # An exception that Dr.Jit meets while it traces comes out as another one: the signal itself has to be remembered.
-    interrupted = []
+    interrupted: list[int] = []
     before = signal.getsignal(signal.SIGINT)
-    signal.signal(
-        signal.SIGINT, lambda number, frame: (interrupted.append(number), signal.default_int_handler(number, frame))
-    )
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        interrupted.append(number)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
     bar = Progress(
         *columns,
         console=Console(stderr=True),

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..metrics import Mask
 from ..reference import Reference
+from ..report.model import Crop
 from .measure import REFERENCE_PASSES, make_reference, reference_work
 from .pinned import importance
 from .scenes import Frame, Subject, Workbench
@@ -39,7 +40,18 @@ def masks(study: Study, bench: Workbench, frame: Frame) -> dict[str, Mask]:
         _MASK_WORK,
         lambda fraction: {name: getattr(bench.view(frame).hits(), name) for name in ("surface", "object")},
     )
-    return nonempty({name: hits[name] for name in ("surface", "object")})
+    return nonempty({name: hits[name] for name in ("object", "surface")})
+
+
+def crops(mask: Mask) -> tuple[Crop, ...]:
+    """The Buddha in the picture, with a margin, if he is in it."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return ()
+    margin = mask.shape[0] // 40
+    left, top = max(0, int(columns[0]) - margin), max(0, int(rows[0]) - margin)
+    right, bottom = min(mask.shape[1], int(columns[-1]) + 1 + margin), min(mask.shape[0], int(rows[-1]) + 1 + margin)
+    return (Crop("the Buddha", left, top, right, bottom),)
 
 
 def masks_work() -> float:

@@ -97,7 +97,6 @@ def _section(
     for _, outcomes in rated:
         for outcome in outcomes:
             text = outcome.technique.text
-            assert outcome.mean is not None and outcome.variance is not None
             shares[text] = step_share(outcome.mean, ground)
             qualities[text] = quality(
                 outcome.mean, outcome.variance, len(outcome.seconds), truth, error, ground, SIGMAS
@@ -128,7 +127,7 @@ def _section(
     left, top, right, bottom = frames(settings)[1].crop or (0, 0, 0, 0)
     whole = ImageSet(
         "Teapot, stratified sampling",
-        (Picture(full.technique.label, full.image, picture_facts(full)),),  # type: ignore[arg-type]
+        (Picture(full.technique.label, full.image, picture_facts(full)),),
         crops=(Crop("the red square", left, top, right, bottom),),
     )
     squares = tuple(
@@ -137,8 +136,8 @@ def _section(
             tuple(
                 Picture(
                     outcome.technique.label,
-                    outcome.image,  # type: ignore[arg-type]
-                    picture_facts(outcome) | {"RMSE": f"{rmse(outcome.image, truth):.5f}"},  # type: ignore[arg-type]
+                    outcome.image,
+                    picture_facts(outcome) | {"RMSE": f"{rmse(outcome.image, truth):.5f}"},
                 )
                 for outcome in outcomes
             ),
@@ -231,8 +230,8 @@ def _claims(
                 for o, f, j in zip(ours, fixed, jittered, strict=True)
             ),
             all_of([when(better) for better in best]),
-            "Holds if every rendering has a lower RMSE in the penumbra than every one of structured sampling, at 16 and "
-            "at 32.",
+            "Holds if every rendering has a lower RMSE in the penumbra than every one of structured sampling, at 16 "
+            "and at 32.",
         ),
     )
 

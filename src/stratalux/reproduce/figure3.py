@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from statistics import median
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..metrics import Mask
 from ..report.model import Claim, ImageSet, Picture, Section, Table
-from .buddha import diffuse_frame, diffuse_reference, diffuse_reference_work, masks, masks_work, nonempty
+from .buddha import crops, diffuse_frame, diffuse_reference, diffuse_reference_work, masks, masks_work, nonempty
 from .facts import picture_facts
 from .flips import with_flip
 from .item import Item
@@ -60,20 +61,21 @@ def run(study: Study, bench: Workbench) -> Section:
         f"Buddha, {RAYS} samples per shading point",
         tuple(
             with_flip(
-                Picture(o.technique.label, o.image, picture_facts(o)),  # type: ignore[arg-type]
+                Picture(o.technique.label, o.image, picture_facts(o)),
                 reference.image,
             )
             for o in outcomes[:2]
         ),
         reference=Picture("reference", reference.image),
+        crops=crops(thing),
         text="The reference has "
         f"{bench.settings.reference_samples:,} samples per shading point, by importance sampling as in the paper.",
     )
     shares = ImageSet(
         "Occlusion of the bright lights",
         (Picture("hidden share", np.repeat(np.nan_to_num(share)[..., None], 3, axis=2).astype(np.float32)),),
-        text=f"Which part of the brightest texels that have {100 * BRIGHTEST:.0f} % of the map's energy sends no light, "
-        "white: none does.",
+        text=f"Which part of the brightest texels that have {100 * BRIGHTEST:.0f} % of the map's energy sends no "
+        "light; white: none does.",
     )
     return Section(
         "fig3",
@@ -96,7 +98,7 @@ def _hidden(bench: Workbench) -> NDArray[np.float64]:
 def regions_of(share: NDArray[np.float64], thing: Mask) -> dict[str, Mask]:
     """Pixels of the object by the hidden ``share``: where most bright lights are hidden, where not, and finer."""
     named = {"object": thing, "occluded": thing & (share > MOST), "open": thing & (share <= MOST)}
-    for low, high in zip(_BINS[:-1], _BINS[1:], strict=True):
+    for low, high in pairwise(_BINS):
         inside = (share >= low) & ((share < high) if high < 1 else (share <= high))
         named[f"{100 * low:.0f} to {100 * high:.0f} % hidden"] = thing & inside
     return nonempty(named)

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from statistics import median
 from typing import Any
 
@@ -52,9 +53,21 @@ class Judge:
     reference: Reference
     masks: Mapping[str, Mask]
 
+    def measure(
+        self, image: NDArray[np.float32], rms: dict[str, list[float]], relative: dict[str, list[float]]
+    ) -> None:
+        """Append the errors of ``image`` over each mask."""
+        for region, mask in self.masks.items():
+            rms.setdefault(region, []).append(rmse(image, self.reference.image, mask))
+            relative.setdefault(region, []).append(relative_mse(image, self.reference.image, mask))
+
     def key(self) -> list[str]:
         """Stands for the masks and the reference in the key of a step."""
         return [self.reference.key, *(f"{name} {_digest(mask)}" for name, mask in self.masks.items())]
+
+
+def _empty() -> NDArray[np.float32]:
+    return np.empty((0, 0, 3), dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -62,7 +75,7 @@ class Outcome:
     """The renderings of one technique.
 
     ``seconds`` of each. ``rmse`` and ``relmse`` of each, by mask. ``image``: the first one, ``mean`` and ``variance``
-    over all, (H, W, 3), where they were kept; the variance is that of a single rendering.
+    over all, (H, W, 3), where they were kept, and otherwise empty; the variance is that of a single rendering.
     """
 
     technique: Pinned
@@ -71,9 +84,9 @@ class Outcome:
     compile_seconds: float
     rmse: dict[str, list[float]]
     relmse: dict[str, list[float]]
-    image: NDArray[np.float32] | None = None
-    mean: NDArray[np.float32] | None = None
-    variance: NDArray[np.float32] | None = None
+    image: NDArray[np.float32] = field(default_factory=_empty)
+    mean: NDArray[np.float32] = field(default_factory=_empty)
+    variance: NDArray[np.float32] = field(default_factory=_empty)
 
     @property
     def time(self) -> float:
@@ -160,10 +173,8 @@ def _render_in_turn(
                 tally.image = shot.image
             if {"mean", "variance"} & set(keep):
                 tally.moments.add(shot.image)
-            for region, mask in (judge.masks if judge else {}).items():
-                truth = judge.reference.image  # type: ignore[union-attr]
-                tally.rmse.setdefault(region, []).append(rmse(shot.image, truth, mask))
-                tally.relmse.setdefault(region, []).append(relative_mse(shot.image, truth, mask))
+            if judge is not None:
+                judge.measure(shot.image, tally.rmse, tally.relmse)
     result: Result = {"outcomes": []}
     for i, (first, tally) in enumerate(zip(warm, tallies, strict=True)):
         arrays = {"image": tally.image, "mean": tally.moments.mean, "variance": tally.moments.variance}
@@ -197,7 +208,7 @@ def make_reference(study: Study, bench: Workbench, name: str, frame: Frame, tech
                 integrator,
                 technique.samples,
                 _REFERENCE_SEED + k,
-                lambda part, k=k: fraction((k + part) / REFERENCE_PASSES),  # type: ignore[misc]
+                partial(_show_pass, fraction, k),
             )
             moments.add(shot.image)
             seconds += shot.seconds
@@ -219,6 +230,10 @@ def make_reference(study: Study, bench: Workbench, name: str, frame: Frame, tech
         key=_digest(result["image"]),
         cached=True,
     )
+
+
+def _show_pass(fraction: Fraction, k: int, part: float) -> None:
+    fraction((k + part) / REFERENCE_PASSES)
 
 
 def reference_work(frame: Frame, technique: Pinned) -> float:

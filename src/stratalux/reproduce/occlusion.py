@@ -17,7 +17,7 @@ BRIGHTEST = 0.5
 
 
 def bright_directions(environment: EnvironmentMap, count: int, share: float = BRIGHTEST) -> NDArray[np.float64]:
-    """``count`` unit directions (count, 3), map's frame, each standing for an equal part of the brightest texels' energy.
+    """``count`` unit directions (count, 3), map's frame, each for an equal part of the brightest texels' energy.
 
     The brightest texels are the fewest that together have ``share`` of the map's energy. A black map gives directions
     all over the sphere.

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import importlib.util
 import json
 import math
 import re
@@ -91,11 +92,9 @@ def _stem(*parts: str) -> str:
 
 
 def _write_page(report: Report, path: Path) -> Path | None:
-    try:
-        from ..report.html import write_report
-    except ImportError:
+    if importlib.util.find_spec("stratalux.report.html") is None:
         return None
-    write_report(report, path)
+    importlib.import_module("stratalux.report.html").write_report(report, path)
     return path
 
 

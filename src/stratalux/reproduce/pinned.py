@@ -13,8 +13,8 @@ from ..techniques import parse_technique
 class Pinned:
     """A technique as ``stratalux render --technique`` takes it. ``label``: what a reader sees.
 
-    ``rays``: shadow rays of a shading point. ``samples``: light samples, proposals included. ``seconds``: about how long a
-    million shading points take on two cores.
+    ``rays``: shadow rays of a shading point. ``samples``: light samples, proposals included. ``seconds``: about how
+    long a million shading points take on two cores.
     ``biased``: whether its mean is not the image that is sought.
     """
 

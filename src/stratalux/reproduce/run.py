@@ -95,8 +95,9 @@ def code_digest() -> str:
 
 
 def _report(sections: Sequence[Section], bench: Workbench, settings: Settings) -> Report:
-    verdicts = Counter(claim.verdict for section in sections for claim in section.claims)
-    counted = [f"{verdicts[kind]} {kind}" for kind in ("holds", "partly", "fails", "not tested") if verdicts[kind]]
+    verdicts = Counter(str(claim.verdict) for section in sections for claim in section.claims)
+    words = {"holds": "hold", "partly": "hold in part", "fails": "fail", "not tested": "could not be tested"}
+    counted = [f"{verdicts[kind]} {word}" for kind, word in words.items() if verdicts[kind]]
     notes = []
     if settings is not FULL:
         notes.append(
@@ -112,7 +113,7 @@ def _report(sections: Sequence[Section], bench: Workbench, settings: Settings) -
         summary=(
             f"{sum(verdicts.values())} claims of the paper's sections 4 and 5 were put to the test on its own scenes: "
             f"{', '.join(counted)}.",
-            "Where the paper shows only a picture, the claim was given a number and a threshold before it was measured.",
+            "Where the paper shows only a picture, a claim was given a measure and a threshold.",
         ),
         sections=tuple(sections),
         facts={

@@ -31,7 +31,7 @@ GROUND_LUMINANCE = 0.2
 
 EXPONENT = 100
 ALPHA = (2 / (EXPONENT + 2)) ** 0.5
-"""Beckmann roughness 0.14 of the lobe that a Blinn-Phong exponent of 100 describes (Walter et al. 2007, section 5.4)."""
+"""Beckmann roughness 0.14, about the lobe of a Blinn-Phong exponent of 100 (Walter et al. 2007, section 5.4)."""
 SHINY_ALPHA = 0.05
 
 
@@ -71,7 +71,7 @@ class Assets:
 
 @dataclass(frozen=True)
 class Subject:
-    """What is rendered: a mesh, in a material of :data:`MATERIALS`, each triangle cut into four ``subdivisions`` times."""
+    """A mesh in a material of :data:`MATERIALS`, each of its triangles cut into four ``subdivisions`` times."""
 
     mesh: str
     material: str = "diffuse"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from statistics import median
 
-from ..report.model import Claim, Section, Table
+from ..report.model import Block, Claim, Section, Table
 from .balance import Balance, balance_work, balances, best_cell, heat_map, more_proposals_against_more_regions
 from .buddha import diffuse_frame
 from .item import Item
@@ -66,7 +66,7 @@ def run(study: Study, bench: Workbench) -> Section:
         _visibility_claim(costs),
         _balance_claim(settings, found),
     )
-    blocks = (
+    blocks: tuple[Block, ...] = (
         _render_table(rendered),
         _visibility_table(costs),
         *(heat_map(settings, balance) for balance in found),
@@ -76,7 +76,7 @@ def run(study: Study, bench: Workbench) -> Section:
         ITEM.title,
         (
             f"Medians of {settings.rounds} rounds, the sides in turn after a warm-up; seconds of the kernels, without "
-            f"tracing and compiling them. Diffuse Buddha, {frame.size[0]}x{frame.size[1]}, one camera ray in each pixel.",
+            f"compiling them. Diffuse Buddha, {frame.size[0]}x{frame.size[1]}, one camera ray for each pixel.",
         ),
         claims,
         blocks,
@@ -120,8 +120,8 @@ def _preprocessing_claim(seconds: list[list[float]]) -> Claim:
         "holds"
         if min(seconds[1]) > 10 * max(seconds[0])
         else by_spread([b / a for a, b in zip(*seconds, strict=True)]),
-        "Cut, CDFs and upload against thresholding, placing the lights and assigning texels to them. Holds if it is more "
-        "than ten times as fast in every round. The structured side is vectorised here.",
+        "Cut, CDFs and upload against thresholding, placing the lights and assigning texels to them. Holds if it is "
+        "more than ten times as fast in every round. The structured side is vectorised here.",
     )
 
 
@@ -131,7 +131,7 @@ def _render_claim(rendered: list[Outcome]) -> Claim:
     return Claim(
         "Stratified sampling renders slightly faster than importance sampling",
         "161.4 s against 145.1 s, 1.11 : 1",
-        f"{median(ratios):.2f} : 1 with low-discrepancy points, {independent.time / ours.time:.2f} : 1 with independent ones",
+        f"{median(ratios):.2f} : 1 with low-discrepancy points, {independent.time / ours.time:.2f} : 1 with random ones",
         by_spread(ratios),
         f"{RAYS} rays, M = 1. Holds if importance sampling is slower in every round.",
     )
@@ -159,17 +159,13 @@ def _balance_claim(settings: Settings, found: list[Balance]) -> Claim:
         "no figure (sections 4 and 5)",
         "best at equal time: "
         + "; ".join(f"{balance.material} N = {n}, M = {m} ({gain:.2f} times M = 1)" for balance, n, m, gain in best),
-        _balance_verdict(trades),
+        by_spread(trades) if trades else "not tested",
         f"On the glossy Buddha, the next M in place of the next N is worth {median(trades):.2f} times the efficiency "
-        f"({min(trades):.2f} to {max(trades):.2f} over the cells). Holds if it is worth more than 1 in every cell, partly if "
-        "in the median of the cells."
+        f"({min(trades):.2f} to {max(trades):.2f} over the cells). Holds if it is worth more than 1 in every cell, "
+        "partly if in the median of the cells."
         if trades
         else "Too few cells.",
     )
-
-
-def _balance_verdict(trades: list[float]):  # type: ignore[no-untyped-def]
-    return by_spread(trades) if trades else "not tested"
 
 
 def _render_table(rendered: list[Outcome]) -> Table:
@@ -207,8 +203,8 @@ def _visibility_table(costs: list[Costs]) -> Table:
         "What a light sample and a visibility test cost",
         header,
         tuple(rows),
-        "Nanoseconds of wall time on all cores: the same loop with and without the test, and with and without the BSDF. "
-        "Samples below the surface are not tested.",
+        "Nanoseconds of wall time on all cores: the same loop with and without the test, and with and without the "
+        "BSDF. Samples below the surface are not tested.",
     )
 
 

@@ -39,9 +39,7 @@ def unbiased_claim(study: Study, bench: Workbench) -> Claim:
     )
     found, sound = [], True
     count = settings.unbiased_seeds
-    assert truth.mean is not None and truth.variance is not None
     for outcome in ours:
-        assert outcome.mean is not None and outcome.variance is not None
         mean, off = deviations(outcome.mean, outcome.variance, truth.mean, truth.variance, count)
         sound &= abs(mean) < SIGMAS and off < _OUTLIERS
         found.append(f"{outcome.technique.label}: mean off by {mean:+.2f} standard errors, outliers {off:.2f}")
@@ -50,8 +48,8 @@ def unbiased_claim(study: Study, bench: Workbench) -> Claim:
         "unbiased (abstract)",
         "; ".join(found),
         when(sound),
-        f"Against Mitsuba's direct, {count} renderings of each. Holds if the image's mean is within {SIGMAS:.0f} standard "
-        "errors and the share of pixels beyond three of their own is less than "
+        f"Against Mitsuba's direct, {count} renderings of each. Holds if the image's mean is within {SIGMAS:.0f} "
+        "standard errors and the share of pixels beyond three of their own is less than "
         f"{_OUTLIERS:.0f} times what chance gives.",
     )
 

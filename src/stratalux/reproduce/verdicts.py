@@ -13,7 +13,7 @@ SIGMAS = 3.0
 
 
 def by_spread(ratios: Sequence[float], bound: float = 1.0) -> Verdict:
-    """Ratios that the paper has above ``bound``: ``holds`` if all are, ``partly`` if their median is, else ``fails``."""
+    """For ratios that the paper has above ``bound``: ``holds`` if all are, ``partly`` if their median is."""
     if min(ratios) > bound:
         return "holds"
     return "partly" if median(ratios) > bound else "fails"

@@ -35,7 +35,7 @@ class Shot:
 
 @dataclass(frozen=True)
 class Hits:
-    """What the camera rays of each pixel hit, masks (H, W): nothing but surfaces, nothing but the object, the ground."""
+    """Masks (H, W) of the pixels all of whose camera rays hit a surface, the object, the ground."""
 
     surface: NDArray[np.bool_]
     object: NDArray[np.bool_]
@@ -127,8 +127,7 @@ class View:
         shapes = {shape.id(): shape for shape in self.scene.shapes()}
         masks = [si.is_valid()]
         masks += [si.is_valid() & (si.shape == mi.ShapePtr(shapes[name])) for name in ("object", "ground")]
-        surface, thing, ground = (self.per_pixel(mask).all(axis=2) for mask in masks)
-        return Hits(surface, thing, ground)
+        return Hits(*(np.asarray(self.per_pixel(mask).all(axis=2)) for mask in masks))
 
     def per_pixel(self, values: Any) -> NDArray[Any]:
         """One value a ray to (H, W, rays of a pixel)."""
