@@ -131,7 +131,7 @@ def _render_claim(rendered: list[Outcome]) -> Claim:
     return Claim(
         "Stratified sampling renders slightly faster than importance sampling",
         "161.4 s against 145.1 s, 1.11 : 1",
-        f"{median(ratios):.2f} : 1 with low-discrepancy points, {independent.time / ours.time:.2f} : 1 with random ones",
+        f"{median(ratios):.2f} : 1 with (0, 2)-points, {independent.time / ours.time:.2f} : 1 with random ones",
         by_spread(ratios),
         f"{RAYS} rays, M = 1. Holds if importance sampling is slower in every round.",
     )
