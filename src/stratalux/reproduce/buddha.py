@@ -27,9 +27,10 @@ def diffuse_reference(study: Study, bench: Workbench) -> Reference:
     return make_reference(study, bench, "buddha-reference", diffuse_frame(bench.settings), technique)
 
 
-def diffuse_reference_work(settings: Settings) -> float:
+def diffuse_work(settings: Settings) -> dict[str, float]:
+    """Of the reference and the masks of the diffuse Buddha, which figures 3 and 4 share."""
     technique = importance(settings.reference_samples // REFERENCE_PASSES)
-    return reference_work(diffuse_frame(settings), technique)
+    return {"buddha": reference_work(diffuse_frame(settings), technique) + _MASK_WORK}
 
 
 def masks(study: Study, bench: Workbench, frame: Frame) -> dict[str, Mask]:

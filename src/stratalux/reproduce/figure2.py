@@ -50,12 +50,12 @@ def _sides(settings: Settings) -> list[tuple[str, list[Pinned], int]]:
     return [("fig2-fixed", fixed, 1), ("fig2-random", random, settings.band_seeds)]
 
 
-def work(settings: Settings) -> float:
+def work(settings: Settings) -> dict[str, float]:
     whole, square = frames(settings)
     total = contest_work(whole, [stratified(settings.picture_samples)], 1)
     total += reference_work(square, importance(settings.band_reference_samples // PASSES))
     total += sum(contest_work(square, techniques, seeds) for _, techniques, seeds in _sides(settings))
-    return total + _MASK_WORK
+    return {"fig2": total + _MASK_WORK}
 
 
 def run(study: Study, bench: Workbench) -> Section:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..metrics import Mask
 from ..report.model import Claim, ImageSet, Picture, Section, Table
-from .buddha import crops, diffuse_frame, diffuse_reference, diffuse_reference_work, masks, masks_work, nonempty
+from .buddha import crops, diffuse_frame, diffuse_reference, diffuse_work, masks, nonempty
 from .facts import picture_facts
 from .flips import with_flip
 from .item import Item
@@ -34,10 +34,9 @@ _DIRECTIONS = 64
 _OCCLUSION_WORK = 3.0
 
 
-def work(settings: Settings) -> float:
-    frame = diffuse_frame(settings)
-    contests = contest_work(frame, TECHNIQUES, _seeds(settings))
-    return diffuse_reference_work(settings) + masks_work() + _OCCLUSION_WORK + contests
+def work(settings: Settings) -> dict[str, float]:
+    contests = contest_work(diffuse_frame(settings), TECHNIQUES, _seeds(settings))
+    return diffuse_work(settings) | {"fig3": _OCCLUSION_WORK + contests}
 
 
 def _seeds(settings: Settings) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..reference import Reference
 from ..report.model import Chart, Claim, Curve, Section, Table
-from .buddha import diffuse_frame, diffuse_reference, diffuse_reference_work, masks, masks_work
+from .buddha import diffuse_frame, diffuse_reference, diffuse_work, masks
 from .item import Item
 from .measure import Judge, Outcome, contest, contest_work
 from .pinned import Pinned, importance, stratified, structured
@@ -27,10 +27,10 @@ def _techniques(rate: int) -> list[Pinned]:
     return [structured(rate), importance(rate), stratified(rate)]
 
 
-def work(settings: Settings) -> float:
+def work(settings: Settings) -> dict[str, float]:
     frame = diffuse_frame(settings)
     contests = sum(contest_work(frame, _techniques(rate), settings.seeds) for rate in settings.rates)
-    return diffuse_reference_work(settings) + masks_work() + contests + unbiased_work(settings)
+    return diffuse_work(settings) | {"fig4": contests + unbiased_work(settings)}
 
 
 def run(study: Study, bench: Workbench) -> Section:

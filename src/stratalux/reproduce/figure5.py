@@ -39,10 +39,10 @@ def _frame(settings: Settings) -> Frame:
     return Frame(Subject("buddha", "glossy"), settings.size)
 
 
-def work(settings: Settings) -> float:
+def work(settings: Settings) -> dict[str, float]:
     frame = _frame(settings)
     reference = reference_work(frame, importance_mis(settings.reference_samples // REFERENCE_PASSES))
-    return masks_work() + reference + contest_work(frame, TECHNIQUES, settings.seeds)
+    return {"fig5": masks_work() + reference + contest_work(frame, TECHNIQUES, settings.seeds)}
 
 
 def run(study: Study, bench: Workbench) -> Section:

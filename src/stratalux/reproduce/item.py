@@ -13,10 +13,13 @@ from .study import Study
 
 @dataclass(frozen=True)
 class Item:
-    """``work``: of all steps, about seconds on two cores. ``assets``: names of the files that it needs."""
+    """``work``: of its steps, about seconds on two cores, by name; of a name that items share, it is done once.
+
+    ``assets``: names of the files that it needs.
+    """
 
     name: str
     title: str
     assets: tuple[str, ...]
-    work: Callable[[Settings], float]
+    work: Callable[[Settings], dict[str, float]]
     run: Callable[[Study, Workbench], Section]

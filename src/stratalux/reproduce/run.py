@@ -58,7 +58,8 @@ def reproduce(
     (folder / STEPS).mkdir(parents=True, exist_ok=True)
 
     common = {"versions": provenance.versions(), "variant": mi.variant(), "code": code_digest()}
-    study = Study(folder / STEPS, common, sum(item.work(settings) for item in chosen), progress)
+    work = {name: seconds for item in chosen for name, seconds in item.work(settings).items()}
+    study = Study(folder / STEPS, common, sum(work.values()), progress)
     sections = tuple(item.run(study, bench) for item in chosen)
     report = _report(sections, bench, settings)
     write_all(report, study, settings, folder)

@@ -42,10 +42,10 @@ def _visibility_work(frame: Frame, settings: Settings) -> float:
     return loading + 3 * (settings.rounds + 1) * stratified(RAYS).seconds * frame.lanes / 1e6
 
 
-def work(settings: Settings) -> float:
+def work(settings: Settings) -> dict[str, float]:
     total = _preprocessing_work(settings) + balance_work(settings)
     total += contest_work(diffuse_frame(settings), _TIMED, settings.rounds)
-    return total + sum(_visibility_work(frame, settings) for frame in _visibility_frames(settings))
+    return {"timings": total + sum(_visibility_work(frame, settings) for frame in _visibility_frames(settings))}
 
 
 def run(study: Study, bench: Workbench) -> Section:
