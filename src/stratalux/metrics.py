@@ -39,12 +39,7 @@ def relative_mse(image: Image, reference: Image, mask: Mask | None = None) -> fl
 
 
 def flip(image: Image, reference: Image, mask: Mask | None = None) -> float:
-    """Mean HDR-FLIP in [0, 1], a difference as a person would see it who flips between the two images.
-
-    Andersson, Nilsson, Shirley and Akenine-Möller 2021, with NVIDIA's own package and defaults: 67 pixels per degree,
-    ACES, exposures from the reference. Negative values count as 0, and one channel as grey. NaN where the reference is
-    black, where FLIP is not defined, or an image is not finite. Raises :class:`ImportError` if :func:`why_no_flip`.
-    """
+    """Mean of :func:`flip_map`; NaN where there is none."""
     differences = flip_map(image, reference)
     if differences is None:
         return float("nan")
@@ -52,13 +47,19 @@ def flip(image: Image, reference: Image, mask: Mask | None = None) -> float:
 
 
 def flip_map(image: Image, reference: Image) -> NDArray[np.float32] | None:
-    """HDR-FLIP in every pixel, (H, W) in [0, 1]; None where :func:`flip` is NaN."""
+    """HDR-FLIP (H, W) in [0, 1], a difference as a person would see it who flips between the two images.
+
+    Andersson, Nilsson, Shirley and Akenine-Möller 2021, with NVIDIA's own package and defaults: 67 pixels per degree,
+    ACES, exposures from the reference. Negative values count as 0, and one channel as grey. None where the reference
+    is black, where FLIP is not defined, or an image is not finite. Raises :class:`ImportError` if :func:`why_no_flip`.
+    """
     import flip_evaluator
 
     test, truth = (_colour(pixels) for pixels in (image, reference))
     if not (np.isfinite(test).all() and np.isfinite(truth).all()) or (truth @ LUMINANCE).max() < _BLACK:
         return None
-    return np.asarray(flip_evaluator.evaluate(truth, test, "HDR", applyMagma=False)[0][..., 0])
+    differences: NDArray[np.float32] = flip_evaluator.evaluate(truth, test, "HDR", applyMagma=False)[0][..., 0]
+    return differences
 
 
 def why_no_flip() -> str | None:

@@ -4,8 +4,7 @@
 ``report.html``       everything, to be read
 ``claims.json``       every claim with its verdict
 ``results.json``      all numbers
-``images``            every picture as ``SECTION-SET-PICTURE.exr`` (linear) and ``.png`` (sRGB, exposed as in the
-                      report)
+``images``            every picture as ``SECTION-SET-PICTURE.exr`` (linear) and ``.png`` (sRGB)
 ``steps``             results of the steps, from which an interrupted run goes on; deleting them is always safe
 ====================  ==========================================================================================
 
@@ -46,8 +45,8 @@ from .study import Study
 FORMAT, FORMAT_VERSION = "stratalux-reproduction", 1
 
 
-def write_all(report: Report, study: Study, settings: Settings, folder: Path) -> list[Path]:
-    """Write everything but the steps; the files, those first that a person opens first."""
+def write_all(report: Report, study: Study, settings: Settings, folder: Path) -> None:
+    """Write everything but the steps."""
     head = {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
@@ -56,18 +55,15 @@ def write_all(report: Report, study: Study, settings: Settings, folder: Path) ->
         "versions": provenance.versions(),
         "settings": dataclasses.asdict(settings),
     }
-    written = []
-    if (page := _write_page(report, folder / "report.html")) is not None:
-        written.append(page)
     for name, content in (("claims", _claims(report)), ("results", _results(report, study))):
-        written.append(_write_json(folder / f"{name}.json", head | content))
+        _write_json(folder / f"{name}.json", head | content)
     images = folder / "images"
     images.mkdir(exist_ok=True)
     for stem, picture, exposure in pictures(report):
         pixels = np.ascontiguousarray(picture.image, dtype=np.float32)
         write_atomically(images / f"{stem}.exr", mi.Bitmap(pixels).write)
         write_picture(images / f"{stem}.png", encoded(pixels, exposure))
-    return [*written, images]
+    _write_page(report, folder / "report.html")
 
 
 def pictures(report: Report) -> Iterator[tuple[str, Picture, float]]:
@@ -91,11 +87,9 @@ def _stem(*parts: str) -> str:
     return "-".join(re.sub(r"[^a-z0-9]+", "-", part.lower()).strip("-") for part in parts)
 
 
-def _write_page(report: Report, path: Path) -> Path | None:
-    if importlib.util.find_spec("stratalux.report.html") is None:
-        return None
-    importlib.import_module("stratalux.report.html").write_report(report, path)
-    return path
+def _write_page(report: Report, path: Path) -> None:
+    if importlib.util.find_spec("stratalux.report.html") is not None:
+        importlib.import_module("stratalux.report.html").write_report(report, path)
 
 
 def _claims(report: Report) -> dict[str, Any]:
@@ -121,10 +115,9 @@ def _results(report: Report, study: Study) -> dict[str, Any]:
     }
 
 
-def _write_json(path: Path, content: dict[str, Any]) -> Path:
+def _write_json(path: Path, content: dict[str, Any]) -> None:
     text = json.dumps(_plain(content), indent=1, allow_nan=False, ensure_ascii=False)
     write_atomically(path, lambda name: Path(name).write_text(text + "\n", encoding="utf-8"))
-    return path
 
 
 def _plain(value: Any) -> Any:

@@ -22,6 +22,7 @@ LIGHTS = 32
 RAYS = 16
 _SIDES = (stratified(LIGHTS), structured(LIGHTS))
 _TIMED = (importance(RAYS), importance(RAYS, "independent"), stratified(RAYS), structured(RAYS))
+_COST_RAYS = 64
 _PAPER_RATIO = 7.36
 _DIRECTIONS = 64
 _DEARER = 2.0
@@ -39,7 +40,12 @@ def _visibility_frames(settings: Settings) -> list[Frame]:
 
 def _visibility_work(frame: Frame, settings: Settings) -> float:
     loading = 1.0 + 4.0**frame.subject.subdivisions
-    return loading + 3 * (settings.rounds + 1) * stratified(RAYS).seconds * frame.lanes / 1e6
+    return loading + 3 * (_cost_rounds(settings) + 1) * stratified(_COST_RAYS).seconds * frame.lanes / 1e6
+
+
+def _cost_rounds(settings: Settings) -> int:
+    """More than of others: it is the differences that count."""
+    return 2 * settings.rounds + 1
 
 
 def work(settings: Settings) -> dict[str, float]:
@@ -62,7 +68,6 @@ def run(study: Study, bench: Workbench) -> Section:
     found = balances(study, bench)
     claims = (
         _preprocessing_claim(ready),
-        _render_claim(rendered),
         _visibility_claim(costs),
         _balance_claim(settings, found),
     )
@@ -98,7 +103,7 @@ def _preprocessing(bench: Workbench, frame: Frame, fraction: Fraction) -> Result
 
 
 def _costs(study: Study, bench: Workbench, frame: Frame) -> Costs:
-    technique, rounds = stratified(RAYS), bench.settings.rounds
+    technique, rounds = stratified(_COST_RAYS), _cost_rounds(bench.settings)
 
     def compute(fraction: Fraction) -> Result:
         view = bench.view(frame)
@@ -122,18 +127,6 @@ def _preprocessing_claim(seconds: list[list[float]]) -> Claim:
         else by_spread([b / a for a, b in zip(*seconds, strict=True)]),
         "Cut, CDFs and upload against thresholding, placing the lights and assigning texels to them. Holds if it is "
         "more than ten times as fast in every round. The structured side is vectorised here.",
-    )
-
-
-def _render_claim(rendered: list[Outcome]) -> Claim:
-    sobol, independent, ours, _ = rendered
-    ratios = [a / b for a, b in zip(sobol.seconds, ours.seconds, strict=True)]
-    return Claim(
-        "Stratified sampling renders slightly faster than importance sampling",
-        "161.4 s against 145.1 s, 1.11 : 1",
-        f"{median(ratios):.2f} : 1 with (0, 2)-points, {independent.time / ours.time:.2f} : 1 with random ones",
-        by_spread(ratios),
-        f"{RAYS} rays, M = 1. Holds if importance sampling is slower in every round.",
     )
 
 
@@ -180,7 +173,13 @@ def _render_table(rendered: list[Outcome]) -> Table:
         for outcome in rendered
     )
     header = ("", "seconds", "range", "preparation, s", "compilation, s")
-    return Table(f"Render time with {RAYS} rays for a shading point", header, rows)
+    return Table(
+        f"Render time with {RAYS} rays for a shading point",
+        header,
+        rows,
+        "The paper has 161.4 s for importance sampling and 145.1 s for stratified sampling; the claim is among those "
+        "of figure 3.",
+    )
 
 
 def _visibility_table(costs: list[Costs]) -> Table:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import median
@@ -10,6 +9,7 @@ from typing import Any
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from .pinned import Pinned
 from .view import View
@@ -57,8 +57,8 @@ def visibility_costs(
 ) -> Costs:
     """Time the light loop of ``technique`` as it is, without visibility tests, and without the surface too, in turn.
 
-    ``tests``: share of the samples that lie above the surface, where alone a test is made; the differences between the
-    kernels are the costs, each the median over ``rounds``.
+    ``tests``: share of the samples that lie above the surface, where alone a test is made. The costs are the
+    differences between the kernels, of each the median over ``rounds``.
     """
     integrator = technique.load()
     light = integrator.prepare(view.scene)
@@ -80,17 +80,14 @@ def visibility_costs(
             dr.sync_thread()
             with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
                 dr.kernel_history_clear()
-                start = time.perf_counter()
                 dr.eval(integrator.environment_light(scene, light, sampler, si, surface, active))
                 dr.sync_thread()
-                elapsed = time.perf_counter() - start
                 history = dr.kernel_history()
-            kernels = sum(kernel.get("execution_time", 0) for kernel in history) / 1000
-            if k:  # the first round compiles
-                mine.append(kernels or elapsed)
+            if k:  # the first round warms up
+                mine.append(sum(kernel.get("execution_time", 0) for kernel in history) / 1000)
         if progress is not None:
             progress((k + 1) / (rounds + 1))
-    hits = int(dr.count(active)[0]) if dr.width(dr.count(active)) else 0
+    hits = int(np.count_nonzero(np.array(active)))
     samples = max(1, hits * technique.rays)
     sample, shaded, tested = (1e9 * median(mine) / samples for mine in times)
     return Costs(sample, shaded - sample, (tested - shaded) / max(tests, 1e-9), tests)
