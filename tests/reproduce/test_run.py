@@ -85,4 +85,7 @@ def test_bad_input(tmp_path: Path, assets: Path) -> None:
         reproduce(["fig1"], tmp_path / "file", assets=assets)
     with pytest.raises(InputError, match="is not empty, and holds no reproduction"):
         reproduce(["fig1"], tmp_path, assets=assets)
+    mi.set_variant("llvm_ad_spectral")
+    with pytest.raises(InputError, match="llvm_ad_spectral: the paper's figures are in RGB"):
+        reproduce(["fig1"], tmp_path / "out", assets=assets)
     assert not (tmp_path / "out").exists()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from stratalux.reproduce.verdicts import all_of, by_spread, when
+from stratalux.reproduce.verdicts import all_of, by_size, by_spread, when
 
 
 @pytest.mark.parametrize(
@@ -17,6 +17,14 @@ def test_ratios_have_to_be_beyond_their_spread(ratios: tuple[float, ...], verdic
 
 def test_bounds_other_than_one() -> None:
     assert by_spread([1.4, 1.6], 1.5) == "fails" and by_spread([1.4, 1.7], 1.5) == "partly"
+
+
+@pytest.mark.parametrize(
+    ("ratios", "verdict"),
+    [((2.1, 3.0), "holds"), ((1.9, 3.0), "partly"), ((0.9, 1.2), "partly"), ((0.7, 1.2), "fails")],
+)
+def test_size_and_direction(ratios: tuple[float, ...], verdict: str) -> None:
+    assert by_size(ratios, 2.0) == verdict
 
 
 def test_cases_of_one_claim() -> None:

@@ -20,7 +20,7 @@ from .pinned import importance, stratified
 from .scenes import Workbench
 from .settings import Settings
 from .study import Study
-from .verdicts import by_spread
+from .verdicts import by_size, by_spread
 
 RAYS = 16
 TECHNIQUES = (importance(RAYS), stratified(RAYS), importance(RAYS, "independent"))
@@ -58,13 +58,7 @@ def run(study: Study, bench: Workbench) -> Section:
     outcomes = contest(study, bench, "fig3", frame, TECHNIQUES, _seeds(bench.settings), judge)
     pictures = ImageSet(
         f"Buddha, {RAYS} samples per shading point",
-        tuple(
-            with_flip(
-                Picture(o.technique.label, o.image, picture_facts(o)),
-                reference.image,
-            )
-            for o in outcomes[:2]
-        ),
+        tuple(with_flip(Picture(o.technique.label, o.image, picture_facts(o)), reference.image) for o in outcomes[:2]),
         reference=Picture("reference", reference.image),
         crops=crops(thing),
         text="The reference has "
@@ -138,9 +132,9 @@ def _claims(outcomes: list[Outcome], regions: dict[str, Mask]) -> tuple[Claim, .
             "Stratified sampling significantly reduces the noise there",
             "picture only",
             f"RMSE of importance sampling {median(inside):.2f} times that of stratified ({span})",
-            "holds" if min(inside) > _SIGNIFICANT else by_spread(inside) if min(inside) <= 1 else "partly",
-            f"Holds if every rendering's ratio is above {_SIGNIFICANT}, partly if it is above 1. With independent "
-            f"points in place of low-discrepancy ones the ratio is {median(random):.2f}.",
+            by_size(inside, _SIGNIFICANT),
+            f"Holds if every rendering's ratio is above {_SIGNIFICANT}, partly if their median is above 1. With "
+            f"independent points in place of low-discrepancy ones the ratio is {median(random):.2f}.",
         ),
         Claim(
             "The gain comes from the occluded places (sample clumping)",

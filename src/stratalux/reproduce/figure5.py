@@ -21,7 +21,7 @@ from .pinned import importance_mis, stratified, structured
 from .scenes import ALPHA, EXPONENT, Frame, Subject, Workbench
 from .settings import Settings
 from .study import Study
-from .verdicts import SIGMAS, all_of, by_spread, when
+from .verdicts import SIGMAS, all_of, by_size, when
 
 RAYS = 32
 TECHNIQUES = (structured(RAYS), stratified(RAYS), stratified(RAYS, 50))
@@ -55,28 +55,14 @@ def run(study: Study, bench: Workbench) -> Section:
     judge = Judge(reference, {"object": thing})
     outcomes = contest(study, bench, "fig5", frame, TECHNIQUES, settings.seeds, judge, ("image", "mean", "variance"))
     qualities = [
-        quality(
-            o.mean,
-            o.variance,
-            settings.seeds,
-            reference.image,
-            reference.standard_error,
-            thing,
-            SIGMAS,
-        )
+        quality(o.mean, o.variance, settings.seeds, reference.image, reference.standard_error, thing, SIGMAS)
         for o in outcomes
     ]
     lights = [highlights(reference.image, thing, part) for part in BRIGHTEST]
     caught = [[captured(o.image, reference.image, light) for light in lights] for o in outcomes]
     pictures = ImageSet(
         f"Glossy Buddha, {RAYS} samples per shading point",
-        tuple(
-            with_flip(
-                Picture(o.technique.label, o.image, picture_facts(o)),
-                reference.image,
-            )
-            for o in outcomes
-        ),
+        tuple(with_flip(Picture(o.technique.label, o.image, picture_facts(o)), reference.image) for o in outcomes),
         reference=Picture("reference", reference.image),
         crops=crops(thing),
         text=f"The reference has {settings.reference_samples:,} samples per shading point, half of them of the BSDF "
@@ -146,8 +132,9 @@ def _claims(outcomes: list[Outcome], qualities: list[Quality], caught: list[list
             "picture only",
             f"RMSE {median(noise):.2f} times lower; relMSE {median(many.relmse['object']):.4f}; "
             f"{many.time / max(single.time, 1e-9):.0f} times the render time",
-            "holds" if min(noise) > _GREATLY else by_spread(noise) if min(noise) <= 1 else "partly",
-            f"At equal rays. Holds if every rendering's RMSE falls by more than {_GREATLY}, partly if it falls.",
+            by_size(noise, _GREATLY),
+            f"At equal rays. Holds if every rendering's RMSE falls by more than a factor of {_GREATLY}, partly if it "
+            "falls in the median.",
         ),
         Claim(
             "Fifty proposals catch more highlights than structured sampling",

@@ -59,6 +59,9 @@ def write_all(report: Report, study: Study, settings: Settings, folder: Path) ->
         _write_json(folder / f"{name}.json", head | content)
     images = folder / "images"
     images.mkdir(exist_ok=True)
+    for former in images.iterdir():  # pictures of another size may have other names
+        if former.suffix in (".exr", ".png"):
+            former.unlink()
     for stem, picture, exposure in pictures(report):
         pixels = np.ascontiguousarray(picture.image, dtype=np.float32)
         write_atomically(images / f"{stem}.exr", mi.Bitmap(pixels).write)

@@ -53,6 +53,8 @@ def reproduce(
     folder = check_folder(folder)
     if mi.variant() is None or mi.variant().startswith("scalar"):
         mi.set_variant("llvm_ad_rgb")
+    if not mi.is_rgb:
+        raise InputError(f"variant {mi.variant()}: the paper's figures are in RGB; use llvm_ad_rgb or cuda_ad_rgb")
     if force:
         shutil.rmtree(folder / STEPS, ignore_errors=True)
     (folder / STEPS).mkdir(parents=True, exist_ok=True)
@@ -61,7 +63,7 @@ def reproduce(
     work = {name: seconds for item in chosen for name, seconds in item.work(settings).items()}
     study = Study(folder / STEPS, common, sum(work.values()), progress)
     sections = tuple(item.run(study, bench) for item in chosen)
-    report = _report(sections, bench, settings)
+    report = _report(sections, bench)
     write_all(report, study, settings, folder)
     return report
 
@@ -95,7 +97,8 @@ def code_digest() -> str:
     return digest.hexdigest()
 
 
-def _report(sections: Sequence[Section], bench: Workbench, settings: Settings) -> Report:
+def _report(sections: Sequence[Section], bench: Workbench) -> Report:
+    settings = bench.settings
     verdicts = Counter(str(claim.verdict) for section in sections for claim in section.claims)
     words = {"holds": "hold", "partly": "hold in part", "fails": "fail", "not tested": "could not be tested"}
     counted = [f"{verdicts[kind]} {word}" for kind, word in words.items() if verdicts[kind]]
@@ -122,6 +125,9 @@ def _report(sections: Sequence[Section], bench: Workbench, settings: Settings) -
             "versions": ", ".join(f"{name} {found}" for name, found in provenance.versions().items() if found),
             "variant": str(mi.variant()),
             "size": settings.name,
+            "command": " ".join(
+                ["stratalux reproduce", *(s.anchor for s in sections), *(["--quick"] if settings is QUICK else [])]
+            ),
             "settings": ", ".join(f"{key} {value}" for key, value in dataclasses.asdict(settings).items()),
             "map": "Grace Cathedral, turned by 180 degrees about x to be upright (y is up), radiance times "
             f"{bench.scale:.4g}, which gives open ground a luminance of {GROUND_LUMINANCE}",

@@ -19,6 +19,13 @@ def by_spread(ratios: Sequence[float], bound: float = 1.0) -> Verdict:
     return "partly" if median(ratios) > bound else "fails"
 
 
+def by_size(ratios: Sequence[float], bound: float) -> Verdict:
+    """For ratios that the paper calls large: ``holds`` if all are above ``bound``, ``partly`` if the median is above 1."""
+    if min(ratios) > bound:
+        return "holds"
+    return "partly" if median(ratios) > 1 else "fails"
+
+
 def all_of(verdicts: Sequence[Verdict]) -> Verdict:
     """One verdict for a claim of several cases: ``holds`` if all do, ``fails`` if all do, otherwise ``partly``."""
     kinds = set(verdicts)
