@@ -20,7 +20,7 @@ def by_spread(ratios: Sequence[float], bound: float = 1.0) -> Verdict:
 
 
 def by_size(ratios: Sequence[float], bound: float) -> Verdict:
-    """For ratios that the paper calls large: ``holds`` if all are above ``bound``, ``partly`` if the median is above 1."""
+    """Of what the paper calls large: ``holds`` if all are above ``bound``, ``partly`` if their median is over 1."""
     if min(ratios) > bound:
         return "holds"
     return "partly" if median(ratios) > 1 else "fails"
