@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -104,7 +105,8 @@ def _print(report: Any, folder: str) -> None:
         table.add_column("here", ratio=4)
         table.add_column("", no_wrap=True)
         for claim in section.claims:
-            table.add_row(claim.text, claim.theirs, claim.ours, f"[{_STYLES[claim.verdict]}]{claim.verdict}[/]")
+            texts = (escape(text) for text in (claim.text, claim.theirs, claim.ours))
+            table.add_row(*texts, f"[{_STYLES[claim.verdict]}]{claim.verdict}[/]")
         console.print(table)
     console.print(report.summary[0])
     console.print(f"wrote {folder}")

@@ -205,7 +205,8 @@ def _claims(
                 ]
             ),
             f"Holds if the expected image is off by more than {100 * VISIBLE_BIAS:.0f} % of the mean and by more than "
-            f"{SIGMAS:.0f} standard errors. It comes from the light that a jittered light takes to another texel.",
+            f"{SIGMAS:.0f} standard errors. A jittered light takes its stratum's light to a uniformly random texel of "
+            "it; the paper does not say how its lights are jittered.",
         ),
         Claim(
             "Stratified sampling has the correct soft shadows",
