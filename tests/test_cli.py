@@ -18,6 +18,7 @@ from stratalux.cli import cli
 from stratalux.rigs import RIGS
 from stratalux.techniques import techniques
 from tests.helpers import asset, hall_map, run
+from tests.reproduce.data import make_assets
 
 CUBE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 XML = """<scene version="3.0.0">
@@ -171,6 +172,32 @@ def test_compare_writes_a_folder_and_a_table(
     assert json.loads(Path("compare-mesh/results.json").read_text())["reference"]["cached"] is True
 
 
+def test_reproduce_says_which_claims_hold(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], folder: Path
+) -> None:
+    arguments = ("reproduce", "fig1", "--quick", "--assets", str(make_assets(folder / "assets")), "-o", "out")
+    assert run(monkeypatch, *arguments) == 0
+    captured = capsys.readouterr()
+    assert "64 rectangles" in captured.out and "holds" in captured.out and "wrote out" in captured.out
+    assert "note: A quick run" in captured.err
+    assert json.loads(Path("out/claims.json").read_text())["sections"][0]["anchor"] == "fig1"
+    assert run(monkeypatch, *arguments, "-q") == 0
+    assert capsys.readouterr().out == ""
+
+
+def test_an_interrupted_reproduction_says_how_to_go_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], folder: Path
+) -> None:
+    def interrupt(*arguments: object, **options: object) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(5)
+
+    monkeypatch.setattr("stratalux.reproduce.run.write_all", interrupt)
+    assert run(monkeypatch, "reproduce", "fig1", "--quick", "--assets", str(make_assets(folder / "assets"))) == 130
+    assert "stratalux: interrupted; the same command resumes\n" in capsys.readouterr().err
+    assert len(list((folder / "reproduction" / "steps").iterdir())) == 1
+
+
 @pytest.mark.parametrize("command", [(), *((name,) for name in cli.commands)])
 def test_help_has_examples(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: tuple[str, ...]
@@ -270,6 +297,12 @@ def spoil() -> None:
         ("rig map.exr --method nonsense", "nonsense"),
         ("rig map.exr --plot a.exr", "unknown image format"),
         ("rig map.exr -o no/such/rig.json", "cannot be written"),
+        ("reproduce fig9", "item 'fig9' is unknown; use fig1"),
+        ("reproduce -o map.exr", "is a file"),
+        ("reproduce -o full", "is not empty, and holds no reproduction"),
+        ("reproduce -o no/such/place", "cannot be written"),
+        ("reproduce fig1 --assets full", "grace_latlong.exr: is missing"),
+        ("reproduce fig1 --variant nonsense", "nonsense"),
         ("nonsense", "nonsense"),
         ("stratify none.exr", "no such file"),
         ("stratify map.exr -n 0", "-n"),
@@ -321,9 +354,11 @@ def test_a_black_map_renders_black(monkeypatch: pytest.MonkeyPatch, capfd: pytes
     [
         (("render", "scene.xml", "--spp", "2", "-o", "a.exr"), "2/2 spp"),
         (("compare", "scene.xml", "-t", "stratified", "--rays", "2", "--reference-spp", "16"), "comparing"),
+        (("reproduce", "fig1", "--quick", "--assets", "assets"), "reproducing"),
     ],
 )
 def test_a_terminal_sees_progress(folder: Path, arguments: tuple[str, ...], words: str) -> None:
+    make_assets(folder / "assets")
     terminal, end = os.openpty()
     environment = {**os.environ, "STRATALUX_CACHE": str(folder / "cache"), "COLUMNS": "120", "TERM": "xterm"}
     command = [sys.executable, "-m", "stratalux", *arguments]

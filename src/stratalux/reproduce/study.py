@@ -34,6 +34,9 @@ class Study:
         self.done = 0.0
         self.resumed = 0
         """Steps whose results were found."""
+        self._taken: set[Path] = set()
+        self.numbers: dict[str, Result] = {}
+        """What the steps so far have found, by name, without the arrays."""
 
     def step(
         self, name: str, settings: Mapping[str, Any], work: float, compute: Callable[[Fraction], Result]
@@ -41,10 +44,12 @@ class Study:
         """The result of ``compute``, or the one kept from an earlier run with the same ``settings``.
 
         ``compute`` is given a function to report its own progress to. A damaged file counts as none, with a
-        :class:`CacheWarning`.
+        :class:`CacheWarning`. ``work`` counts once for a step that several parts of the run share.
         """
         key = hashlib.sha256(json.dumps([name, self.common, settings], sort_keys=True, default=str).encode())
         path = self.folder / f"{name}-{key.hexdigest()[:16]}.npz"
+        work = 0.0 if path in self._taken else work
+        self._taken.add(path)
         result = _read(path)
         if result is None:
             self._show(0.0, name)
@@ -52,6 +57,7 @@ class Study:
             _write(path, result)
         else:
             self.resumed += 1
+        self.numbers[name] = {key: value for key, value in result.items() if not isinstance(value, np.ndarray)}
         self.done += work
         self._show(0.0, name)
         return result

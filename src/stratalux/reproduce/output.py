@@ -1,0 +1,134 @@
+"""What a reproduction leaves in its folder.
+
+====================  ==========================================================================================
+``report.html``       everything, to be read
+``claims.json``       every claim with its verdict
+``results.json``      all numbers
+``images``            every picture as ``SECTION-SET-PICTURE.exr`` (linear) and ``.png`` (sRGB)
+``steps``             results of the steps, from which an interrupted run goes on; deleting them is always safe
+====================  ==========================================================================================
+
+Both JSON files begin with ``format`` ("stratalux-reproduction"), ``format_version`` (1), ``date`` (UTC, ISO 8601),
+``machine`` (one line), ``versions`` (by name) and ``settings`` (see :class:`stratalux.reproduce.settings.Settings`).
+Numbers that do not exist are null.
+
+- ``claims.json``: ``sections``, each with ``anchor``, ``title`` and ``claims``: ``text``, ``theirs``, ``ours``,
+  ``verdict`` ("holds", "partly", "fails" or "not tested") and ``comment``.
+- ``results.json``: ``steps``, the plain numbers of every step by its name (for renderings, ``outcomes``: for each
+  technique its ``seconds``, ``rmse`` and ``relmse`` by mask, one value a seed); ``charts``: ``title``, ``x_label``,
+  ``y_label`` and ``curves`` of points [x, y, lowest y, highest y]; ``heat_maps``: ``title``, ``rows``, ``columns``,
+  ``values``; ``tables``: ``title``, ``header``, ``rows``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import importlib.util
+import json
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import provenance
+from ..image import write_atomically, write_picture
+from ..report.model import Chart, HeatMap, ImageSet, Picture, Report, Table
+from .settings import Settings
+from .study import Study
+
+FORMAT, FORMAT_VERSION = "stratalux-reproduction", 1
+
+
+def write_all(report: Report, study: Study, settings: Settings, folder: Path) -> None:
+    """Write everything but the steps."""
+    head = {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "date": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
+        "machine": provenance.machine(),
+        "versions": provenance.versions(),
+        "settings": dataclasses.asdict(settings),
+    }
+    for name, content in (("claims", _claims(report)), ("results", _results(report, study))):
+        _write_json(folder / f"{name}.json", head | content)
+    images = folder / "images"
+    images.mkdir(exist_ok=True)
+    for former in images.iterdir():  # pictures of another size may have other names
+        if former.suffix in (".exr", ".png"):
+            former.unlink()
+    for stem, picture, exposure in pictures(report):
+        pixels = np.ascontiguousarray(picture.image, dtype=np.float32)
+        write_atomically(images / f"{stem}.exr", mi.Bitmap(pixels).write)
+        write_picture(images / f"{stem}.png", encoded(pixels, exposure))
+    _write_page(report, folder / "report.html")
+
+
+def pictures(report: Report) -> Iterator[tuple[str, Picture, float]]:
+    """Name of its files, picture and exposure of everything that the report shows."""
+    for section in report.sections:
+        for block in section.blocks:
+            if isinstance(block, ImageSet):
+                shown = (*block.pictures, *([block.reference] if block.reference else []))
+                for picture in shown:
+                    yield _stem(section.anchor, block.title, picture.name), picture, block.exposure
+
+
+def encoded(pixels: NDArray[np.float32], exposure: float) -> NDArray[np.uint8]:
+    """Linear RGB to 8-bit sRGB, ``exposure`` in stops; what is brighter than white is white."""
+    linear = np.clip(np.nan_to_num(pixels) * 2.0**exposure, 0, 1)
+    curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return (curve * 255 + 0.5).astype(np.uint8)
+
+
+def _stem(*parts: str) -> str:
+    return "-".join(re.sub(r"[^a-z0-9]+", "-", part.lower()).strip("-") for part in parts)
+
+
+def _write_page(report: Report, path: Path) -> None:
+    if importlib.util.find_spec("stratalux.report.html") is not None:
+        importlib.import_module("stratalux.report.html").write_report(report, path)
+
+
+def _claims(report: Report) -> dict[str, Any]:
+    return {
+        "sections": [
+            {
+                "anchor": section.anchor,
+                "title": section.title,
+                "claims": [dataclasses.asdict(claim) for claim in section.claims],
+            }
+            for section in report.sections
+        ]
+    }
+
+
+def _results(report: Report, study: Study) -> dict[str, Any]:
+    blocks = [block for section in report.sections for block in section.blocks]
+    return {
+        "steps": study.numbers,
+        "charts": [dataclasses.asdict(block) for block in blocks if isinstance(block, Chart)],
+        "heat_maps": [dataclasses.asdict(block) for block in blocks if isinstance(block, HeatMap)],
+        "tables": [dataclasses.asdict(block) for block in blocks if isinstance(block, Table)],
+    }
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    text = json.dumps(_plain(content), indent=1, allow_nan=False, ensure_ascii=False)
+    write_atomically(path, lambda name: Path(name).write_text(text + "\n", encoding="utf-8"))
+
+
+def _plain(value: Any) -> Any:
+    """``value`` as JSON knows it: lists for arrays, null for what is no number."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
