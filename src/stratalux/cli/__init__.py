@@ -9,7 +9,7 @@ import click
 
 from ..envmap import EnvironmentMapWarning
 from ..errors import CacheWarning, InputError
-from . import assets, compare, completion, doctor, render, rig, stratify, techniques
+from . import assets, bench, compare, completion, doctor, render, rig, stratify, techniques
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -23,6 +23,7 @@ def cli() -> None:
       stratalux render buddha.ply --env venice.hdr --material gold -o buddha.exr
       stratalux render scene.xml --strata 64 --spp 32 -o scene.exr
       stratalux compare demo --technique stratified --technique direct --rays 16,64
+      stratalux bench
       stratalux stratify venice.hdr -n 64 -o regions.png
       stratalux rig venice.hdr --method kmeans -n 32 -o rig.json
       stratalux techniques
@@ -34,6 +35,7 @@ def cli() -> None:
 for command in (
     render.render,
     compare.compare,
+    bench.bench,
     stratify.stratify,
     rig.rig,
     techniques.techniques,
