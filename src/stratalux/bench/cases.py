@@ -32,6 +32,11 @@ class Case:
     def name(self) -> str:
         return f"{self.scene}-{self.material}-{self.map}{'' if self.ground else '-open'}"
 
+    @property
+    def region(self) -> str:
+        """Where its errors count: "surface", in pixels that are all surface, or "image", in all."""
+        return "surface" if self.ground else "image"
+
 
 @dataclass(frozen=True)
 class Suite:
@@ -80,7 +85,7 @@ QUICK = Suite(
     size=(120, 80),
     preview_size=(112, 84),
     reference_spp=4096,
-    reference_factor=4,
+    reference_factor=2,
     ladder=(16, 64, 256),
     most=1024,
     screened=4,

@@ -50,7 +50,7 @@ def markdown(result: BenchResult) -> str:
 
 def _summary(result: BenchResult) -> str:
     rows = []
-    for region, title in (("surface", "surfaces"), ("image", "whole image")):
+    for region, title in (("surface", "surfaces"), ("image", "against the map, whole image")):
         summary = result.summary(region)
         if summary is None:
             continue

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import mitsuba as mi
@@ -53,13 +54,19 @@ class Arena:
         self.preparation: dict[Configuration, tuple[float, float]] = {}
         """Seconds of preparation and of compilation at the first rendering of a configuration."""
         self.shots: dict[tuple[Configuration, int], list[Shot]] = defaultdict(list)
-        """What counts: the renderings of each configuration at each number of samples asked for."""
+        """What counts: the renderings of each configuration at each number of samples."""
         self._integrators: dict[Configuration, mi.Integrator] = {}
 
     def next_seed(self) -> int:
         """Far from all others of this setting and from those of the reference."""
         self.seed += SEED_STEP
         return self.seed % SEED
+
+    def possible(self, configuration: Configuration, spp: int) -> int:
+        """The samples per pixel that are taken where ``spp`` are asked for: some samplers round up."""
+        sampler = self.setting.plain.sensors()[self.setting.cameras[configuration.sampler]].sampler().clone()
+        sampler.set_sample_count(max(1, spp))
+        return int(sampler.sample_count())
 
     def shoot(self, configuration: Configuration, spp: int, seed: int) -> Shot:
         if configuration not in self._integrators:
@@ -98,11 +105,11 @@ _WARM_UP_SPP = 16
 class Truth:
     """The reference of a setting, and errors against it by region."""
 
-    def __init__(self, setting: Setting, reference: Reference) -> None:
+    def __init__(self, case: Case, setting: Setting, reference: Reference) -> None:
         self.reference = reference
         self.masks = {"surface": setting.surface} if setting.surface.any() else {}
         self.masks["image"] = np.ones_like(setting.surface)
-        self.region = next(iter(self.masks))
+        self.region = case.region if case.region in self.masks else "image"
         """The one that the search goes by."""
         self.floors = {region: reference.relative_mse_floor(mask) for region, mask in self.masks.items()}
 
@@ -132,7 +139,7 @@ def measure_case(
     """Measure ``case``. ``cache``: folder for references instead of the usual one."""
     setting = load_setting(case, suite, assets)
     arena = Arena(setting)
-    truth = Truth(setting, _reference(setting, suite.reference_spp, cache, lambda done: fraction(0.4 * done)))
+    truth = Truth(case, setting, _reference(setting, suite.reference_spp, cache, lambda done: fraction(0.4 * done)))
 
     configurations = mitsuba_configurations()
     total, tried = len(configurations) + suite.screened * _STEP, 0
@@ -140,27 +147,30 @@ def measure_case(
     def screen(configuration: Configuration, budget: int) -> Trial:
         nonlocal tried
         spp = configuration.spp(budget)
-        if budget == suite.ladder[0]:
-            arena.shoot(configuration, spp, arena.next_seed())  # compiles
-        shot = arena.shoot(configuration, spp, arena.next_seed())
+        # The first of three compiles; of the others, only a disturbance makes one slower.
+        shots = [arena.shoot(configuration, spp, arena.next_seed()) for _ in range(3)]
         tried += 1 if budget == suite.ladder[0] else _STEP
         fraction(0.4 + 0.2 * min(1.0, tried / total))
-        error = truth.errors(shot.image)[truth.region] - truth.floors[truth.region]
-        return Trial(configuration, budget, shot.spp, shot.seconds, max(error, 0.0))
+        error = median(truth.errors(shot.image)[truth.region] for shot in shots) - truth.floors[truth.region]
+        seconds = min(shot.seconds for shot in shots[1:])
+        return Trial(configuration, budget, shots[0].spp, seconds, max(error, 0.0))
 
     trials, finalists = search(configurations, suite, screen)
     best = next(trial for trial in reversed(trials) if trial.configuration == finalists[0])
     ladder = our_ladder(_cost(arena), [best.seconds * budget / best.budget for budget in suite.ladder])
     jobs: list[tuple[Configuration, int]] = []
     for spp, budget in zip(ladder, suite.ladder, strict=True):
-        jobs += [(OURS, spp), *((finalist, finalist.spp(budget)) for finalist in finalists)]
+        asked = [(OURS, spp), *((finalist, finalist.spp(budget)) for finalist in finalists)]
+        jobs += [(configuration, arena.possible(configuration, count)) for configuration, count in asked]
     arena.rounds(jobs, suite.repeats, lambda done: fraction(0.6 + 0.3 * done))
     raised = _limited(truth, arena, finalists)
     if raised:
         spp = suite.reference_spp * suite.reference_factor
-        truth = Truth(setting, _reference(setting, spp, cache, lambda done: fraction(0.9)))
+        truth = Truth(case, setting, _reference(setting, spp, cache, lambda done: fraction(0.9)))
+    left = 0.1
     while jobs := _continuation(truth, arena, finalists, suite):
-        arena.rounds(jobs, suite.repeats, lambda done: fraction(0.9 + 0.1 * done))
+        left /= 2  # how many more there will be is not known
+        arena.rounds(jobs, suite.repeats, lambda done: fraction(1 - 2 * left + left * done))  # noqa: B023
 
     reference = truth.reference
     preparation, compilation = arena.preparation[OURS]
@@ -234,7 +244,10 @@ def _continuation(
             continue
         above = error > curves[label].front[0][1]
         spp = min(counts[best]) // _STEP if above else max(counts[best]) * _STEP
-        if 1 <= spp <= best.spp(suite.most):
+        if not 1 <= spp <= best.spp(suite.most):
+            continue
+        spp = arena.possible(best, spp)
+        if spp not in counts[best]:
             jobs += [(OURS, min(counts[OURS]) if above else max(counts[OURS])), (best, spp)]
     return jobs
 

@@ -53,16 +53,11 @@ def _examples(result: BenchResult) -> list[CaseResult]:
         rated = [
             (verdict.ratio, n, case)
             for n, case in enumerate(result.cases)
-            if case.case.material == material and (verdict := case.verdict(_region(case))) is not None
+            if case.case.material == material and (verdict := case.verdict(case.case.region)) is not None
         ]
         if rated:
             examples.append(sorted(rated)[len(rated) // 2][2])
     return examples
-
-
-def _region(case: CaseResult) -> str:
-    """What a case is there to show: its surfaces, or the whole image."""
-    return "surface" if case.case.ground and "surface" in case.floors else "image"
 
 
 def _bars(axes: Any, result: BenchResult) -> None:
@@ -74,7 +69,7 @@ def _bars(axes: Any, result: BenchResult) -> None:
         verdicts = [
             (verdict, case)
             for case in result.cases
-            if case.case.material == material and (verdict := case.verdict(_region(case))) is not None
+            if case.case.material == material and (verdict := case.verdict(case.case.region)) is not None
         ]
         verdicts.sort(key=lambda pair: pair[0].ratio)
         if not verdicts:
@@ -115,8 +110,8 @@ def _bars(axes: Any, result: BenchResult) -> None:
 def _curves(axes: Any, case: CaseResult) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    region = _region(case)
-    floor = case.floors[region]
+    region = case.case.region
+    floor = case.floors.get(region, 0.0)
     axes.set_xscale("log")
     axes.set_yscale("log")
     for k, record in enumerate((case.ours, *case.theirs)):

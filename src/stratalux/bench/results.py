@@ -6,7 +6,7 @@
   ``variant``; ``versions``: by name; ``source_sha256``: of the code that was measured; ``suite``: its name;
   ``resumed``: steps whose results an earlier, interrupted run had left.
 - ``ours``: the configuration measured (``technique``, ``sampler``, ``label``, ``rays``, ``compensated``).
-- ``summary``: for the regions ``surface`` (cases but those without ground) and ``image`` (all cases): ``ratio``
+- ``summary``: for the regions ``surface`` (of cases with a ground) and ``image`` (of those without): ``ratio``
   (geometric mean over cases), ``worst`` and ``best`` (``case``, ``ratio``), ``ahead`` and ``cases`` (how many), and
   ``materials`` (geometric mean of each).
 - ``cases``: a list with
@@ -34,7 +34,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -63,13 +62,12 @@ class BenchResult:
 
     @cached_property
     def ratios(self) -> dict[str, dict[str, float]]:
-        """Speed-up at equal error by region and case; surfaces count where they fill the image, or nearly so."""
+        """Speed-up at equal error, of each case in the region that it is there for."""
         found: dict[str, dict[str, float]] = {region: {} for region in REGIONS}
         for result in self.cases:
-            for region in REGIONS if result.case.ground else ("image",):
-                verdict = result.verdict(region)
-                if verdict is not None:
-                    found[region][result.case.name] = verdict.ratio
+            verdict = result.verdict(result.case.region)
+            if verdict is not None:
+                found[result.case.region][result.case.name] = verdict.ratio
         return found
 
     def summary(self, region: str) -> dict[str, Any] | None:
@@ -119,7 +117,10 @@ class BenchResult:
     def write(self, path: str | Path) -> None:
         """Write the JSON to ``path``, complete or not at all."""
         text = json.dumps(self.to_json(), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-        write: Callable[[str], Any] = lambda name: Path(name).write_text(text, encoding="utf-8")  # noqa: E731
+
+        def write(name: str) -> None:
+            Path(name).write_text(text, encoding="utf-8")
+
         write_atomically(path, write)
 
     @classmethod

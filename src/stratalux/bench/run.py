@@ -39,7 +39,7 @@ def run(
     suite: str | Suite = "quick",
     *,
     assets: str | Path | Assets | None = None,
-    folder: str | Path = "bench",
+    folder: str | Path | None = None,
     cache: Path | None = None,
     variant: str | None = None,
     progress: Progress | None = None,
@@ -47,15 +47,15 @@ def run(
     """Measure how long the best of Mitsuba's ``direct`` needs for our error, over what we need.
 
     ``suite``: "quick" (minutes), "full" (hours), or one of your own. ``assets``: folder to look through first.
-    ``folder``: gets ``results.json``, the pictures and, in ``steps``, what an interrupted run resumes from: the steps
-    of other code, of another machine or of other versions are not used. ``cache``: folder for references instead of the
-    usual one. ``variant``: of Mitsuba; it stays active.
+    ``folder``: by default ``bench-SUITE``; gets ``results.json`` and, in ``steps``, what an interrupted run resumes
+    from: the steps of other code, of another machine or of other versions are not used. ``cache``: folder for
+    references instead of the usual one. ``variant``: of Mitsuba; it stays active.
 
     Raises :class:`InputError` for missing assets, before any work is done.
     """
     suite = find_suite(suite)
     assets = assets if isinstance(assets, Assets) else Assets(assets)
-    folder = Path(folder)
+    folder = Path(folder or f"bench-{suite.name}")
     _check(suite, assets, folder)
     variant = choose_variant(variant)
     mi.set_log_level(mi.LogLevel.Error)

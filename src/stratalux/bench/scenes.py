@@ -47,16 +47,13 @@ class Setting:
 def load_setting(case: Case, suite: Suite, assets: Assets) -> Setting:
     """The setting of a case; raises :class:`InputError` for a missing or damaged asset."""
     environment = EnvironmentMap.load(assets.require(case.map))
-    if case.scene == "matpreview":
-        description, size = _preview(case, suite, assets), suite.preview_size
-    else:
-        description, size = _staged(case, suite, assets), suite.size
+    preview = case.scene == "matpreview"
     turn = mi.ScalarTransform4f().rotate([1, 0, 0], 180 if case.map in FLIPPED else 0)
-    to_world = turn @ description.pop("orientation")
-    scenes = [
-        mi.load_dict({**description, "map": {**envmap(environment), "to_world": to_world, "mis_compensation": flag}})
-        for flag in (False, True)
-    ]
+    scenes = []
+    for compensated in (False, True):
+        description, orientation = (_preview if preview else _staged)(case, suite, assets)
+        emitter = {**envmap(environment), "to_world": turn @ orientation, "mis_compensation": compensated}
+        scenes.append(mi.load_dict({**description, "map": emitter}))
     cameras = {sensor.id().removeprefix("camera_"): k for k, sensor in enumerate(scenes[0].sensors())}
     surface = surface_mask(scenes[0])
     # Rounded, as sums of many threads differ in their last bits and references are kept under all that they depend on.
@@ -65,6 +62,7 @@ def load_setting(case: Case, suite: Suite, assets: Assets) -> Setting:
         params = mi.traverse(image_emitter(scene))
         params["scale"] = scale
         params.update()
+    size = suite.preview_size if preview else suite.size
     return Setting(scenes[0], scenes[1], cameras, surface, size, scale)
 
 
@@ -76,20 +74,17 @@ def _mean(scene: mi.Scene, camera: int, surface: Mask, case: Case) -> float:
     return mean
 
 
-def _staged(case: Case, suite: Suite, assets: Assets) -> dict[str, Any]:
-    """A mesh on its stage; the map is upright."""
+def _staged(case: Case, suite: Suite, assets: Assets) -> tuple[dict[str, Any], Any]:
+    """A mesh on its stage, and the orientation of the map: upright."""
     mesh = load_mesh(assets.require(case.scene))
     scene = stage(mesh, material(case.material), None, suite.size, ground=case.ground)
     del scene["emitter"]
     sensor = scene.pop("sensor")
-    return {
-        **scene,
-        **_cameras({"fov": sensor["fov"], "fov_axis": sensor["fov_axis"], "to_world": sensor["to_world"]}, suite.size),
-        "orientation": mi.ScalarTransform4f(),
-    }
+    camera = {name: sensor[name] for name in ("fov", "fov_axis", "to_world")}
+    return {**scene, **_cameras(camera, suite.size)}, mi.ScalarTransform4f()
 
 
-def _preview(case: Case, suite: Suite, assets: Assets) -> dict[str, Any]:
+def _preview(case: Case, suite: Suite, assets: Assets) -> tuple[dict[str, Any], Any]:
     """Mitsuba's material preview with its own shapes, camera and orientation of the map; its object changes material.
 
     The shapes are taken out of the loaded scene, as another map and other samplers need another one.
@@ -101,20 +96,16 @@ def _preview(case: Case, suite: Suite, assets: Assets) -> dict[str, Any]:
     if len(previewed) != 1 or emitter is None:
         raise InputError(f"{path}: has no shape '{_PREVIEWED}' under a map; is it Mitsuba's material preview?")
     previewed[0].set_bsdf(mi.load_dict(material(case.material)))
-    camera = mi.traverse(loaded.sensors()[0])
-    return {
-        "type": "scene",
-        **{f"shape_{k}": shape for k, shape in enumerate(loaded.shapes())},
-        **_cameras(
-            {
-                "fov": float(np.ravel(camera["x_fov"])[0]),
-                "fov_axis": "x",
-                "to_world": mi.ScalarTransform4f(camera["to_world"].matrix.numpy().reshape(4, 4)),
-            },
-            suite.preview_size,
-        ),
-        "orientation": mi.ScalarTransform4f(mi.traverse(emitter)["to_world"].matrix.numpy().reshape(4, 4)),
-    }
+    seen = mi.traverse(loaded.sensors()[0])
+    camera = {"fov": float(np.ravel(seen["x_fov"])[0]), "fov_axis": "x", "to_world": _matrix(seen["to_world"])}
+    shapes = {f"shape_{k}": shape for k, shape in enumerate(loaded.shapes())}
+    orientation = _matrix(mi.traverse(emitter)["to_world"])
+    return {"type": "scene", **shapes, **_cameras(camera, suite.preview_size)}, orientation
+
+
+def _matrix(transform: Any) -> Any:
+    """A transform of a loaded plugin as one that a dictionary takes."""
+    return mi.ScalarTransform4f(transform.matrix.numpy().reshape(4, 4))
 
 
 def _cameras(camera: dict[str, Any], size: tuple[int, int]) -> dict[str, Any]:

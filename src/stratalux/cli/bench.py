@@ -103,7 +103,7 @@ def _print(result: BenchResult) -> None:
         table.add_column(name, justify="right", no_wrap=True)
     for case in result.cases:
         verdicts = {region: case.verdict(region) for region in REGIONS}
-        shown = [verdict for verdict in verdicts.values() if verdict is not None]
+        counted = verdicts[case.case.region]
         cells = []
         for region, verdict in verdicts.items():
             if verdict is None:
@@ -114,13 +114,13 @@ def _print(result: BenchResult) -> None:
             case.case.name,
             ", ".join(str(point.spp) for point in case.ours.points),
             ", ".join(f"{point.seconds.median:.2g}" for point in case.ours.points),
-            "; ".join(shown[0].winners) if shown else "-",
+            "-" if counted is None else "; ".join(counted.winners),
             *cells,
         )
     table.caption = "* outside of what was measured of the other side   † limited by the reference"
     table.caption_justify = "left"
     console.print(table)
-    for region, title in (("surface", "surfaces"), ("image", "whole image")):
+    for region, title in (("surface", "surfaces"), ("image", "against the map, whole image")):
         summary = result.summary(region)
         if summary is not None:
             means = ", ".join(f"{name} {ratio:.2f}" for name, ratio in summary["materials"].items())
