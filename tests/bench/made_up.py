@@ -113,7 +113,7 @@ def bench_result() -> BenchResult:
         },
         cases=(
             case_result(Case("grace", "diffuse", "buddha"), 2.0),
-            case_result(Case("sky", "metal", "teapot"), 0.5, floor=1e-3),
+            case_result(Case("sky", "metal", "teapot"), 0.5, floor=3e-3),
             case_result(Case("sky", "metal", "teapot", ground=False), 8.0),
         ),
         floor={

@@ -109,10 +109,10 @@ FULL = Suite(
             ("teapot", "polished", "forest"),
         )
     ),
-    size=(240, 160),
-    preview_size=(224, 168),
+    size=(180, 120),
+    preview_size=(168, 126),
     reference_spp=4096,
-    reference_factor=4,
+    reference_factor=3,
     ladder=(16, 64, 256),
     most=1024,
     screened=8,

@@ -22,7 +22,7 @@ other seeds; the noise of that reference is subtracted.
 
 _MARKS = """\
 \\* our error is outside of what was measured of the other side, whose curve was continued along its last segment.
-† the reference's noise is more than a quarter of a measured error.
+† the reference's noise is more than a quarter of an error of ours.
 """
 
 

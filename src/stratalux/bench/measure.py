@@ -147,8 +147,9 @@ def measure_case(
     def screen(configuration: Configuration, budget: int) -> Trial:
         nonlocal tried
         spp = configuration.spp(budget)
-        # The first of three compiles; of the others, only a disturbance makes one slower.
-        shots = [arena.shoot(configuration, spp, arena.next_seed()) for _ in range(3)]
+        # The first compiles; of the others, only a disturbance makes one slower.
+        renderings = 3 if budget == suite.ladder[0] else 2
+        shots = [arena.shoot(configuration, spp, arena.next_seed()) for _ in range(renderings)]
         tried += 1 if budget == suite.ladder[0] else _STEP
         fraction(0.4 + 0.2 * min(1.0, tried / total))
         error = median(truth.errors(shot.image)[truth.region] for shot in shots) - truth.floors[truth.region]
@@ -163,7 +164,8 @@ def measure_case(
         asked = [(OURS, spp), *((finalist, finalist.spp(budget)) for finalist in finalists)]
         jobs += [(configuration, arena.possible(configuration, count)) for configuration, count in asked]
     arena.rounds(jobs, suite.repeats, lambda done: fraction(0.6 + 0.3 * done))
-    raised = _limited(truth, arena, finalists)
+    floor = truth.floors[truth.region]
+    raised = any(point.limited(truth.region, floor) for point in truth.record(arena, OURS).points)
     if raised:
         spp = suite.reference_spp * suite.reference_factor
         truth = Truth(case, setting, _reference(setting, spp, cache, lambda done: fraction(0.9)))
@@ -216,11 +218,6 @@ def _cost(arena: Arena) -> tuple[float, float]:
         seconds[spp] = min(shot.seconds for shot in shots)
     each = max((seconds[many] - seconds[few]) / (many - few), seconds[many] / (4 * many))
     return max(0.0, seconds[few] - each), each
-
-
-def _limited(truth: Truth, arena: Arena, finalists: Sequence[Configuration]) -> bool:
-    records = [truth.record(arena, configuration) for configuration in (OURS, *finalists)]
-    return any(p.limited(truth.region, truth.floors[truth.region]) for record in records for p in record.points)
 
 
 def _continuation(

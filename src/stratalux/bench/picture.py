@@ -8,7 +8,6 @@ from typing import Any
 
 from ..curves import COLOURS, MARKERS
 from .cases import MATERIALS
-from .race import geometric_mean
 from .records import CaseResult
 from .results import BenchResult
 
@@ -20,6 +19,9 @@ _STYLE = {
     "axes.spines.right": False,
     "svg.hashsalt": "stratalux",  # the same data give the same file
 }
+
+_DENSE = 60
+"""An axis that spans less than this factor has room for labels within its decades."""
 
 
 def why_no_picture() -> str | None:
@@ -61,10 +63,12 @@ def _examples(result: BenchResult) -> list[CaseResult]:
 
 
 def _bars(axes: Any, result: BenchResult) -> None:
-    """Bars from 1 up or down, sorted within each material; whiskers span the budgets."""
+    """Bars from 1 up or down, sorted within each material; whiskers span the budgets, hatched ones have no ground."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     x, ticks = 0.0, []
+    summary = result.summary("surface") or result.summary("image")
+    means = summary["materials"] if summary else {}
     for k, material in enumerate(MATERIALS):
         verdicts = [
             (verdict, case)
@@ -91,7 +95,9 @@ def _bars(axes: Any, result: BenchResult) -> None:
             ],
             error_kw={"elinewidth": 0.8, "ecolor": "0.3"},
         )
-        ticks.append(((places[0] + places[-1]) / 2, f"{material}\n{geometric_mean(ratios):.2f}"))
+        ticks.append(
+            ((places[0] + places[-1]) / 2, f"{material}\n{means[material]:.2f}" if material in means else material)
+        )
         x += len(verdicts) + 1
     axes.axhline(1, color="0.2", linewidth=1)
     axes.set_xticks([place for place, _ in ticks], [label for _, label in ticks])
@@ -101,7 +107,6 @@ def _bars(axes: Any, result: BenchResult) -> None:
     axes.grid(which="major", axis="y", color="0.9", linewidth=0.8)
     axes.set_axisbelow(True)
     axes.set_ylabel("speed-up at equal error")
-    summary = result.summary("surface") or result.summary("image")
     if summary is not None:
         text = f"Against the best of Mitsuba's direct: {summary['ratio']:.2f} in the geometric mean"
         axes.set_title(f"{text}, at worst {summary['worst']['ratio']:.2f}", loc="left", fontsize=10)
@@ -132,8 +137,9 @@ def _curves(axes: Any, case: CaseResult) -> None:
     axes.set_xlabel("seconds")
     if axes.get_subplotspec().is_first_col():
         axes.set_ylabel("relMSE; dashed: of the reference")
-    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    left, right = axes.get_xlim()
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if right < _DENSE * left else (1,)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.grid(which="major", color="0.92", linewidth=0.8)
-    axes.legend(frameon=False, fontsize=6.5)
+    axes.legend(edgecolor="none", framealpha=0.9, fontsize=6.5)

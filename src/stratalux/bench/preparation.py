@@ -1,7 +1,7 @@
 """What comes before the first ray: our tables against Mitsuba's own construction of its ``envmap``, by size of the map.
 
-Each size is measured in a process of its own, ``python -m stratalux.bench.preparation``, whose peak of memory is then
-that of one thing at a time. Linux alone tells it; elsewhere the memory is null.
+Each size is measured in a process of its own, whose peak of memory is then that of one thing at a time. Linux alone
+tells it; elsewhere the memory is null.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ _SUNS = 40
 
 def measure_preparation(width: int, height: int, strata: int, repeats: int) -> dict[str, Any]:
     """Figures for a synthetic map of ``width`` x ``height``, as in the results' format; in a process of its own."""
-    command = [sys.executable, "-m", __name__, *map(str, (width, height, strata, repeats))]
+    program = "import sys; from stratalux.bench.preparation import main; main(sys.argv[1:])"
+    command = [sys.executable, "-c", program, *map(str, (width, height, strata, repeats))]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         last = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
@@ -179,11 +180,8 @@ def _scene(emitter: Any) -> Any:
     )
 
 
-def _main(arguments: list[str]) -> None:
+def main(arguments: list[str]) -> None:
+    """What the process does: prints the figures for the width, height, strata and repeats of ``arguments``."""
     width, height, strata, repeats = (int(argument) for argument in arguments)
     with tempfile.TemporaryDirectory(prefix="stratalux-bench-") as folder:
         print(json.dumps(_measure(width, height, strata, repeats, Path(folder))))
-
-
-if __name__ == "__main__":
-    _main(sys.argv[1:])

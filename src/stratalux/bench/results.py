@@ -21,7 +21,7 @@
   and for ``surface`` and ``image`` the verdict, null where nothing can be said: ``ratio`` (seconds that the best of
   Mitsuba's needs for our error over ours, geometric mean over our budgets), ``min``, ``max``, ``outside`` (an error of
   ours was outside of what was measured of theirs, whose curve was continued), ``floor_limited`` (the floor is more than
-  a quarter of a measured error), ``winners`` (labels, by our budgets), ``budgets`` (``seconds``, ``error``, ``theirs``
+  a quarter of an error of ours), ``winners`` (labels, by our budgets), ``budgets`` (``seconds``, ``error``, ``theirs``
   seconds, ``winner``, ``outside``, ``ratio``).
 - ``floor``: ``rays_seconds`` of bare shadow rays and ``stratified_seconds`` of ``integrator`` with as many, spreads in
   seconds, and their ``ratio``, a spread; ``case``, ``size``, ``spp``, ``sampler``, ``rays_per_sample``.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
@@ -60,7 +61,7 @@ def load_setting(case: Case, suite: Suite, assets: Assets) -> Setting:
     scale = float(f"{MEAN / _mean(scenes[0], cameras['multijitter'], surface, case):.3g}")
     for scene in scenes:
         params = mi.traverse(image_emitter(scene))
-        params["scale"] = scale
+        params["scale"] = dr.opaque(mi.Float, scale)  # as a literal, it would make other kernels of every case
         params.update()
     size = suite.preview_size if preview else suite.size
     return Setting(scenes[0], scenes[1], cameras, surface, size, scale)
