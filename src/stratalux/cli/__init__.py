@@ -9,7 +9,7 @@ import click
 
 from ..envmap import EnvironmentMapWarning
 from ..errors import CacheWarning, InputError
-from . import assets, compare, completion, doctor, render, reproduce, rig, stratify, techniques
+from . import assets, bench, compare, completion, doctor, render, reproduce, rig, stratify, techniques
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -24,6 +24,7 @@ def cli() -> None:
       stratalux render scene.xml --strata 64 --spp 32 -o scene.exr
       stratalux compare demo --technique stratified --technique direct --rays 16,64
       stratalux reproduce --quick
+      stratalux bench
       stratalux stratify venice.hdr -n 64 -o regions.png
       stratalux rig venice.hdr --method kmeans -n 32 -o rig.json
       stratalux techniques
@@ -36,6 +37,7 @@ for command in (
     render.render,
     compare.compare,
     reproduce.reproduce,
+    bench.bench,
     stratify.stratify,
     rig.rig,
     techniques.techniques,

@@ -1,0 +1,130 @@
+"""The page that tells the results: what was measured, how, and all figures, in Markdown."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .cases import MATERIALS
+from .records import CaseResult
+from .results import BenchResult
+
+_METHOD = """\
+The figure is the **speed-up at equal error**: the seconds that the best of Mitsuba's `direct` needs to reach our
+error, over the seconds that we took. Ours is `{technique}` with its defaults; only the samples per pixel are chosen.
+In each case all of Mitsuba's samplers, five splits of emitter and BSDF samples, and the map's `mis_compensation`
+where it is unbiased are screened at a low budget and the best of them at a higher one; the finalists' curves are
+measured at three budgets or more, and their lower envelope is what counts. Both sides are rendered in turn after a
+warm-up; times are medians of the seeds, without compilation and preparation. Between budgets, curves are interpolated
+in log-log. The error is the relative MSE in linear RGB over the pixels that are all surface, with a box filter and
+the map scaled so that their mean is 0.2. It is taken against Mitsuba's `direct` 1+1 with many times the samples and
+other seeds; the noise of that reference is subtracted.
+"""
+
+_MARKS = """\
+\\* our error is outside of what was measured of the other side, whose curve was continued along its last segment.
+† the reference's noise is more than a quarter of an error of ours.
+"""
+
+
+def markdown(result: BenchResult) -> str:
+    """The page, ending with a line break."""
+    about = result.about
+    versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items() if version)
+    parts = [
+        "# Benchmarks",
+        f"`stratalux bench --suite {about['suite']}`, {about['date'][:10]}, on {about['machine']}, variant "
+        f"`{about['variant']}`; {versions}.",
+        _METHOD.format(technique=result.ours.technique).strip(),
+        "![Speed-up of every case, and curves](bench.svg)",
+        "## Summary",
+        _summary(result),
+        "## Cases",
+        _cases([case for case in result.cases if case.case.ground]),
+    ]
+    if open_cases := [case for case in result.cases if not case.case.ground]:
+        parts += ["Objects against the map, without a ground:", _cases(open_cases)]
+    parts += [_MARKS.strip(), "## The price of choosing rays", _floor(result.floor)]
+    parts += ["## Preparation", _preparation(result)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _summary(result: BenchResult) -> str:
+    rows = []
+    for region, title in (("surface", "surfaces"), ("image", "against the map, whole image")):
+        summary = result.summary(region)
+        if summary is None:
+            continue
+        means = [f"{summary['materials'][m]:.2f}" if m in summary["materials"] else "-" for m in MATERIALS]
+        worst, best = (f"{summary[end]['ratio']:.2f} ({summary[end]['case']})" for end in ("worst", "best"))
+        ahead = f"{summary['ahead']} of {summary['cases']}"
+        rows.append([title, f"**{summary['ratio']:.2f}**", *means, worst, best, ahead])
+    return table(["", "geometric mean", *MATERIALS, "worst", "best", "ahead"], rows)
+
+
+def _cases(cases: list[CaseResult]) -> str:
+    rows = []
+    for case in cases:
+        verdicts = [(region, case.verdict(region)) for region in ("surface", "image")]
+        spp = ", ".join(str(point.spp) for point in case.ours.points)
+        winners = dict.fromkeys(winner for _, verdict in verdicts if verdict for winner in verdict.winners)
+        ratios = []
+        for region, verdict in verdicts:
+            ratios.append("-" if verdict is None else f"{verdict.ratio:.2f}{marks(case, region, chr(92) + '*')}")
+            ratios.append("-" if verdict is None else f"{verdict.lowest:.2f} to {verdict.highest:.2f}")
+        names = [case.case.scene, case.case.material, case.case.map]
+        rows.append([*names, spp, "; ".join(winners), *ratios])
+    heads = ["scene", "material", "map", "our spp", "best of Mitsuba's", "surfaces", "range", "whole image", "range"]
+    return table(heads, rows)
+
+
+def marks(case: CaseResult, region: str, outside: str = "*") -> str:
+    """The marks of a verdict."""
+    verdict = case.verdict(region)
+    if verdict is None:
+        return ""
+    return (outside if verdict.outside else "") + ("†" if case.limited(region) else "")
+
+
+def _floor(floor: dict[str, Any]) -> str:
+    ratio = floor["ratio"]
+    rays, ours = floor["rays_seconds"]["median"], floor["stratified_seconds"]["median"]
+    width, height = floor["size"]
+    return (
+        f"{floor['rays_per_sample']} cosine-distributed shadow rays from each camera hit and nothing else take "
+        f"{rays:.3g} s ({floor['case']}, {width}x{height}, {floor['spp']} spp). `direct_stratified` with "
+        f"{floor['integrator']['strata']} strata and {floor['integrator']['proposals']} proposals takes {ours:.3g} s: "
+        f"**{ratio['median']:.2f} times** as long ({ratio['min']:.2f} to {ratio['max']:.2f})."
+    )
+
+
+def _preparation(result: BenchResult) -> str:
+    rows = []
+    for one in result.preparation:
+        seconds = {name: f"{spread['median']:.3g} s" for name, spread in one["seconds"].items()}
+        peak = {name: "-" if v is None else f"{v:.1f}" for name, v in one["peak_bytes_per_byte"].items()}
+        each = {name: f"{1000 * spread['median']:.3g} ms" for name, spread in one["seconds_per_spp"].items()}
+        rows.append(
+            [
+                f"{one['width']}x{one['height']}",
+                str(one["strata"]),
+                *(seconds[name] for name in ("ours", "mitsuba_array", "mitsuba_file")),
+                *(peak[name] for name in ("ours", "mitsuba_array")),
+                *(each[name] for name in ("ours", "direct")),
+            ]
+        )
+    heads = ["map", "strata", "ours, on top", "Mitsuba's `envmap`", "the same from .hdr"]
+    heads += ["ours: peak bytes per byte of map", "Mitsuba's", "a sample per pixel, ours", "`direct` 1+0"]
+    compiling = [case.compile_seconds for case in result.cases]
+    text = table(heads, rows)
+    if compiling:
+        text += (
+            f"\n\nCompiling our kernel took {min(compiling):.2g} to {max(compiling):.2g} s by case; Dr.Jit "
+            "keeps kernels on disk, so that the next process has them."
+        )
+    return text
+
+
+def table(heads: list[str], rows: list[list[str]]) -> str:
+    """A Markdown table."""
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
