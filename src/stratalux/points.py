@@ -1,0 +1,55 @@
+"""Low-discrepancy points in which every prefix, and every aligned block, is stratified (Dr.Jit).
+
+Points are addressed by their index, so nothing is stored and any lane can make any of them. Randomisation is Owen's
+(1995) nested uniform scrambling by the hash of Laine and Karras (2011), in the form of Burley (2020): the points of
+different seeds are independent, each of them is uniform, and the strata stay. Indices are shuffled the same way, which
+decorrelates sequences that use the same dimensions.
+"""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+
+
+def mix(value: mi.UInt32) -> mi.UInt32:
+    """A hash of 32 bits onto 32 bits, one to one (the constants are those of Wellons' lowbias32)."""
+    value = value ^ (value >> 16)
+    value = value * mi.UInt32(0x7FEB352D)
+    value = value ^ (value >> 15)
+    value = value * mi.UInt32(0x846CA68B)
+    return value ^ (value >> 16)
+
+
+def shuffle(index: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:
+    """A permutation of all indices that maps every aligned block of 2^k of them to such a block."""
+    return dr.brev(_scramble_reversed(dr.brev(index), seed))
+
+
+def van_der_corput(index: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:
+    """Point ``index`` of the scrambled radical inverse in base 2, in units of 2⁻³²."""
+    return dr.brev(_scramble_reversed(index, seed))
+
+
+def sobol_2d(index: mi.UInt32, seed: mi.UInt32) -> mi.Point2f:
+    """Point ``index`` of the scrambled (0, 2)-sequence of Sobol's first two dimensions, in [0, 1)²."""
+    x = van_der_corput(index, seed)
+    # The second generator matrix is Pascal's triangle modulo 2, the product of these five sparse ones.
+    y = dr.brev(index)
+    for shift, bits in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF)):
+        y = y ^ ((y & mi.UInt32(bits)) << shift)
+    y = dr.brev(_scramble_reversed(dr.brev(y), mix(seed)))
+    return mi.Point2f(unit_float(x), unit_float(y))
+
+
+def unit_float(bits: mi.UInt32) -> mi.Float:
+    """[0, 1) from units of 2⁻³², rounded down to 24 bits."""
+    return mi.Float(bits >> 8) * 2.0**-24
+
+
+def _scramble_reversed(bits: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:
+    """Laine and Karras' hash, in which a bit depends on lower bits only: a nested scrambling of reversed bits."""
+    bits = bits + seed
+    for factor in (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6):
+        bits = bits ^ (bits * mi.UInt32(factor))
+    return bits

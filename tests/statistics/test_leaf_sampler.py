@@ -1,0 +1,73 @@
+"""What a leaf sampler draws against what it states."""
+
+from __future__ import annotations
+
+import mitsuba as mi
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from stratalux import EnvironmentMap
+from stratalux.geometry import map_coordinates
+from stratalux.leaf_sampler import LeafSampler
+from stratalux.leaves import equal_energy_leaves
+from tests.helpers import ALPHA, hall_map, sun_map
+
+SAMPLES = 1 << 20
+MAPS = {"hall": hall_map(), "sun": sun_map(), "black": np.zeros((8, 16, 3), np.float32)}
+
+
+def draw(sampler: LeafSampler) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    random = mi.load_dict({"type": "independent"})
+    random.seed(3, SAMPLES)
+    where = (mi.UInt32(random.next_1d() * 65536) << 16) | mi.UInt32(random.next_1d() * 65536)
+    x = sampler.sample(where, random.next_2d())
+    return tuple(np.asarray(value, dtype=np.float64) for value in (x.uv.numpy(), x.d.numpy(), x.pdf.numpy()))  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_chi_square_against_the_areas_of_the_leaves(name: str) -> None:
+    environment = EnvironmentMap(MAPS[name])
+    depth, columns, rows = 10, 24, 12
+    uv, _, _ = draw(LeafSampler(environment, depth))
+    x = np.mod(uv[0] - 0.5 / environment.width, 1)
+    counts, _, _ = np.histogram2d(x, uv[1], bins=(columns, rows), range=[[0, 1], [0, 1]])
+
+    leaves = equal_energy_leaves(environment, depth) / np.array([environment.width, environment.height - 1] * 2)
+
+    def parts(start: NDArray[np.float64], size: NDArray[np.float64], bins: int) -> NDArray[np.float64]:
+        edges = np.clip((np.arange(bins + 1) / bins - start[:, None]) / size[:, None], 0, 1)
+        return np.diff(edges, axis=1)
+
+    expected = (
+        SAMPLES / len(leaves) * parts(leaves[:, 0], leaves[:, 2], columns).T @ parts(leaves[:, 1], leaves[:, 3], rows)
+    )
+    usual = expected > 20
+    observed = np.append(counts[usual], counts[~usual].sum() + 1)
+    wanted = np.append(expected[usual], expected[~usual].sum() + 1)
+    assert stats.chisquare(observed, wanted * observed.sum() / wanted.sum()).pvalue > ALPHA
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_the_pdf_is_per_steradian_and_covers_the_sphere(name: str) -> None:
+    """E[1 / pdf] over a part of the sphere is its solid angle."""
+    _, d, pdf = draw(LeafSampler(EnvironmentMap(MAPS[name]), 10))
+    assert (pdf > 0).all()
+    for axis in range(3):
+        for sign in (-1, 1):
+            values = np.where(sign * d[axis] > 0.3, 1 / pdf, 0)
+            error = values.std() / np.sqrt(SAMPLES)
+            assert abs(values.mean() - 2 * np.pi * 0.7) < 4.5 * error  # six parts of three maps at 1e-3 together
+
+
+def test_directions_are_those_of_the_map() -> None:
+    uv, d, _ = draw(LeafSampler(EnvironmentMap(hall_map()), 10))
+    u, v = map_coordinates(d.T)
+    np.testing.assert_allclose(np.mod(uv[0] - u + 0.5, 1), 0.5, atol=1e-4)
+    np.testing.assert_allclose(uv[1], v, atol=1e-4)
+
+
+def test_depth_follows_the_size_of_the_map() -> None:
+    assert LeafSampler(EnvironmentMap(hall_map())).depth == 16
+    assert LeafSampler(EnvironmentMap(np.ones((512, 1024, 3), np.float32))).depth == 17

@@ -1,0 +1,58 @@
+"""The points of a pixel: stratified in every aligned block, uniform and independent over seeds."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+from scipy import stats
+
+from stratalux.points import mix, shuffle, sobol_2d, van_der_corput
+from tests.helpers import ALPHA, sidak
+
+
+def seeds(count: int) -> mi.UInt32:
+    return mix(dr.arange(mi.UInt32, count) + 77)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 0xDEADBEEF])
+@pytest.mark.parametrize("block", [0, 3, 1000])
+def test_aligned_blocks_are_stratified(seed: int, block: int) -> None:
+    bits = 8
+    index = mi.UInt32(block << bits) + dr.arange(mi.UInt32, 1 << bits)
+    one = van_der_corput(index, mi.UInt32(seed)).numpy() >> (32 - bits)
+    assert sorted(one) == list(range(1 << bits))
+    points = sobol_2d(index, mi.UInt32(seed)).numpy().T
+    for k in range(bits + 1):  # elementary intervals of every shape hold one point each
+        cell = np.floor(points * [1 << k, 1 << (bits - k)]).astype(int)
+        assert len({tuple(c) for c in cell}) == 1 << bits
+
+
+def test_shuffling_keeps_blocks() -> None:
+    index = dr.arange(mi.UInt32, 256)
+    for bits in range(9):
+        shuffled = shuffle(index, mi.UInt32(5)).numpy().reshape(-1, 1 << bits)
+        assert len(np.unique(shuffled >> bits)) == len(shuffled)
+        assert np.all(shuffled >> bits == (shuffled >> bits)[:, :1])
+
+
+def test_every_point_is_uniform_and_independent_of_those_of_other_seeds() -> None:
+    n, cells = 1 << 16, 16
+    seed = seeds(n)
+    indices = (0, 1, 6, 255, 4096)
+    for index in indices:
+        points = sobol_2d(mi.UInt32(index), seed).numpy().T
+        counts, _, _ = np.histogram2d(points[:, 0], points[:, 1], bins=cells, range=[[0, 1], [0, 1]])
+        assert stats.chisquare(counts.ravel()).pvalue > sidak(3 * len(indices))
+        u = van_der_corput(mi.UInt32(index), seed).numpy() / 2.0**32
+        assert stats.chisquare(np.histogram(u, 256, (0, 1))[0]).pvalue > sidak(3 * len(indices))
+        # Neighbouring seeds, as neighbouring pixels have them
+        counts, _, _ = np.histogram2d(u[:-1:2], u[1::2], bins=cells, range=[[0, 1], [0, 1]])
+        assert stats.chisquare(counts.ravel()).pvalue > sidak(3 * len(indices))
+
+
+def test_mix_is_one_to_one_and_spreads() -> None:
+    values = mix(dr.arange(mi.UInt32, 1 << 18)).numpy()
+    assert len(np.unique(values)) == 1 << 18
+    assert stats.chisquare(np.histogram(values, 256, (0, 2**32))[0]).pvalue > ALPHA
