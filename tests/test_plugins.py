@@ -71,10 +71,12 @@ def test_from_xml_with_properties() -> None:
     assert (integrator.strata, integrator.proposals, integrator.hide_emitters) == (37, 5, True)
     assert "strata = 37, proposals = 5" in str(integrator)
     defaults = mi.load_dict({"type": "direct_stratified"})
-    assert (defaults.strata, defaults.proposals) == (64, 1)
+    assert (defaults.strata, defaults.automatic) == (0, True)
+    pinned = mi.load_dict({"type": "direct_stratified", "bsdf_samples": 0})
+    assert (pinned.strata, pinned.proposals, pinned.automatic) == (64, 1, False)
 
 
-@pytest.mark.parametrize("bad", [{"strata": 0}, {"proposals": -2}, {"strata": 2.5}, {"regions": 4}])
+@pytest.mark.parametrize("bad", [{"strata": -1}, {"proposals": -2}, {"strata": 2.5}, {"regions": 4}])
 def test_bad_properties_are_refused(bad: dict[str, object]) -> None:
     with pytest.raises(RuntimeError, match=next(iter(bad))):
         mi.load_dict({"type": "direct_stratified", **bad})

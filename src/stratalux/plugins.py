@@ -21,7 +21,11 @@ INTEGRATORS = (
 """Modules of ``stratalux.integrators``, a line each. A module lists its ``TECHNIQUES``, and in ``PLUGINS`` the
 integrators that it brings, by the name that Mitsuba's scenes use."""
 
-_SHARED = ("stratalux.integrators.common",)
+_SHARED = (
+    "stratalux.integrators.common",
+    "stratalux.integrators.lobes",
+    "stratalux.integrators.nested_strata",
+)
 _loaded_for: str | None = None
 
 

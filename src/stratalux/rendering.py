@@ -118,6 +118,8 @@ def render_passes(
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
             dr.kernel_history_clear()
             start = time.perf_counter()
+            if hasattr(integrator, "continue_points"):
+                integrator.continue_points(seed, done)
             integrator.render(scene, camera, seed=seed + k, spp=count, develop=False, evaluate=True)
             raw = film.develop(raw=True)
             total = raw if total is None else total + raw

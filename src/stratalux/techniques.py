@@ -56,7 +56,9 @@ class Technique:
 
     ``plugin``: type of the Mitsuba integrator. ``fixed``: properties that make the plugin this technique. ``rays``: the
     properties that count rays per shading point; the first of them is what a comparison varies. A technique without
-    such properties traces ``rays_per_sample`` rays, and a comparison varies its samples per pixel.
+    such properties traces ``rays_per_sample`` rays, and a comparison varies its samples per pixel. ``pinned``: defaults
+    that replace those of ``properties`` as soon as one of them is given; until then the technique chooses by itself,
+    with up to ``automatic_rays`` rays.
     """
 
     name: str
@@ -68,6 +70,8 @@ class Technique:
     fixed: Mapping[str, Value] = field(default_factory=dict)
     rays: tuple[str, ...] = ()
     rays_per_sample: int = 0
+    pinned: Mapping[str, Value] = field(default_factory=dict)
+    automatic_rays: int = 0
 
     def settings(self, given: Mapping[str, Value] | None = None) -> dict[str, Value]:
         """All properties, ``given`` ones checked and the others at their defaults; raises :class:`InputError`."""
@@ -76,10 +80,18 @@ class Technique:
             if name not in self.properties:
                 known = ", ".join(self.properties) or "none"
                 raise InputError(f"technique {self.name}: no property '{name}'; it has {known}")
-        return {
-            name: prop.check(given[name], f"technique {self.name}: {name}") if name in given else prop.default
-            for name, prop in self.properties.items()
+        defaults = {name: prop.default for name, prop in self.properties.items()}
+        settings = defaults | {
+            name: self.properties[name].check(value, f"technique {self.name}: {name}") for name, value in given.items()
         }
+        if settings == defaults:
+            return settings
+        return settings | {name: value for name, value in self.pinned.items() if settings[name] == defaults[name]}
+
+    def is_automatic(self, given: Mapping[str, Value] | None = None) -> bool:
+        """Whether the technique chooses its rays by itself."""
+        defaults = {name: prop.default for name, prop in self.properties.items()}
+        return bool(self.pinned) and self.settings(given) == defaults
 
     def integrator(self, given: Mapping[str, Value] | None = None) -> dict[str, Value]:
         """Dictionary for ``mi.load_dict``."""
@@ -88,6 +100,8 @@ class Technique:
     def shadow_rays(self, given: Mapping[str, Value] | None = None) -> int:
         """Rays that one camera sample sends from its shading point, at most."""
         settings = self.settings(given)
+        if self.is_automatic(given):
+            return self.automatic_rays
         return sum(int(settings[name]) for name in self.rays) + self.rays_per_sample
 
     def with_rays(self, count: int, given: Mapping[str, Value] | None = None) -> tuple[dict[str, Value], int]:
@@ -96,7 +110,7 @@ class Technique:
         What ``given`` sets stays as it is, so a technique whose number of rays is set there is given more samples.
         """
         given = dict(given or {})
-        if self.rays and self.rays[0] not in given:
+        if self.rays and self.rays[0] not in given and not self.is_automatic(given):
             others = self.shadow_rays({**given, self.rays[0]: 1}) - 1
             given[self.rays[0]] = max(1, count - others)
         return given, max(1, round(count / max(1, self.shadow_rays(given))))

@@ -75,10 +75,15 @@ def test_another_map_is_another_step(tmp_path: Path, assets: Path) -> None:
     assert len(list((tmp_path / "out" / "steps").iterdir())) == 2
 
 
-def test_bad_input(tmp_path: Path, assets: Path) -> None:
+def test_bad_input(tmp_path: Path, assets: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match="item 'fig9' is unknown; use fig1, fig2"):
         reproduce(["fig9"], tmp_path / "out", assets=assets)
-    with pytest.raises(InputError, match="grace_latlong.exr: is missing; name the folder"):
+    with pytest.raises(InputError, match="no such folder"):
+        reproduce(["fig1"], tmp_path / "out", assets=tmp_path / "nowhere")
+    for where in ("STRATALUX_ASSETS", "STRATALUX_CACHE"):
+        monkeypatch.setenv(where, str(tmp_path))
+    monkeypatch.setattr("stratalux.assets._beside_checkout", lambda: None)
+    with pytest.raises(InputError, match="grace is missing: there is no envmaps/grace_latlong.exr in"):
         reproduce(["fig1"], tmp_path / "out", assets=tmp_path)
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="is a file"):

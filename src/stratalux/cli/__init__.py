@@ -21,7 +21,7 @@ def cli() -> None:
     Examples:
       stratalux render demo -o demo.png
       stratalux render buddha.ply --env venice.hdr --material gold -o buddha.exr
-      stratalux render scene.xml --strata 64 --spp 32 -o scene.exr
+      stratalux render scene.xml --spp 128 -o scene.exr
       stratalux compare demo --technique stratified --technique direct --rays 16,64
       stratalux reproduce --quick
       stratalux bench

@@ -17,10 +17,10 @@ from .options import load, scene_options
 @click.command()
 @click.argument("scene")
 @scene_options
-@click.option("-N", "--strata", type=click.IntRange(min=1), help="Regions of the map.  [default: 64]")
-@click.option("-M", "--proposals", type=click.IntRange(min=1), help="Proposals in each region.  [default: 1]")
+@click.option("-N", "--strata", type=click.IntRange(min=1), help="Pin the scheme of the paper, with N regions.")
+@click.option("-M", "--proposals", type=click.IntRange(min=1), help="Pin the scheme of the paper, with M proposals.")
 @click.option("-t", "--technique", metavar="NAME[:key=value,...]", help="Another technique; see stratalux techniques.")
-@click.option("-s", "--spp", type=click.IntRange(min=1), help="Samples per pixel.  [default: the scene's own, or 16]")
+@click.option("-s", "--spp", type=click.IntRange(min=1), help="Samples per pixel.  [default: the scene's own, or 64]")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random numbers.")
 @click.option("--hide-emitters", is_flag=True, help="Leave the map out of the background.")
 @click.option(
@@ -32,8 +32,8 @@ from .options import load, scene_options
 def render(scene: str, **options: Any) -> None:
     """Render SCENE: a Mitsuba XML file, a mesh (.ply .obj .stl .glb .gltf .off), or demo.
 
-    A mesh is framed on a ground plane. The integrator of an XML file is replaced by direct_stratified: direct light,
-    one shadow ray to each of N regions of the map. Ctrl-C stops after the current pass and keeps what is done.
+    A mesh is framed on a ground plane. The integrator of an XML file is replaced by direct_stratified: direct light, of
+    which the samples per pixel are all there is to choose. Ctrl-C stops after the current pass and keeps what is done.
 
     \b
     Examples:

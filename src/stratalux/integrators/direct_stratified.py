@@ -2,40 +2,54 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
 
 from ..environment import MapCache, MapLight
+from ..envmap import EnvironmentMap
+from ..leaf_sampler import LeafSampler
 from ..median_cut import median_cut
 from ..sampling import RegionSampler
-from ..techniques import Property, Technique, properties_from
+from ..techniques import Property, Technique, Value, properties_from
 from .common import DirectIntegrator, MisWithBsdf, target
+from .lobes import MOST_RAYS, Allocation
+from .nested_strata import NestedStrata, PixelPoints
+
+_PINNED: dict[str, Value] = {"strata": 64, "proposals": 1, "bsdf_samples": 0}
+"""What the properties are, unless given, once any of them is."""
 
 STRATIFIED = Technique(
     name="stratified",
     plugin="direct_stratified",
-    summary="one shadow ray to each region of a median cut, chosen by resampling",
-    source="Mei, Jaeger and Hu 2006, equations (5) and (6)",
+    summary="strata nested over the samples of a pixel; with any property, the paper's scheme",
+    source="Mei, Jaeger and Hu 2006, equations (5) and (6), and what follows from them",
     unbiased=True,
     properties={
-        "strata": Property(64, "regions of the map, N", minimum=1),
-        "proposals": Property(1, "proposals in each region, M", minimum=1),
-        "bsdf_samples": Property(0, "BSDF samples combined with those of the map by MIS", minimum=0),
+        "strata": Property(0, "regions of the map, N; 0: automatic", minimum=0),
+        "proposals": Property(0, "proposals in each region, M; 0: automatic", minimum=0),
+        "bsdf_samples": Property(-1, "BSDF samples combined with those of the map by MIS; -1: automatic", minimum=-1),
     },
+    pinned=_PINNED,
+    automatic_rays=MOST_RAYS,
     rays=("strata", "bsdf_samples"),
 )
 TECHNIQUES = (STRATIFIED,)
 
 
 class DirectStratified(DirectIntegrator):
-    r"""Stratified direct lighting (Mei, Jaeger, Hu, section 3.2).
+    r"""Stratified direct lighting: by itself, or pinned to the paper's scheme (Mei, Jaeger, Hu, section 3.2).
 
-    ================= ======= ========================================================================
-    ``strata``        int     Number of regions N that the environment map is cut into (default: 64)
-    ``proposals``     int     Proposals M drawn in each region, of which one is kept (default: 1)
-    ``bsdf_samples``  int     BSDF samples K that are combined with them under MIS (default: 0)
+    ================= ======= ===================================================================================
+    ``strata``        int     Number of regions N that the environment map is cut into (default: 0, automatic)
+    ``proposals``     int     Proposals M drawn in each region, of which one is kept (default: 0, automatic)
+    ``bsdf_samples``  int     BSDF samples K that are combined with them under MIS (default: -1, automatic)
     ``hide_emitters`` bool    Hide directly visible emitters (default: false)
-    ================= ======= ========================================================================
+    ================= ======= ===================================================================================
+
+    With no property given, nothing needs tuning but the samples per pixel: see :class:`~.nested_strata.NestedStrata`.
+    Any of the three properties pins the paper's scheme, in which the others are N = 64, M = 1 and K = 0.
 
     The map is cut by median cut into regions Ω_1 … Ω_N of equal energy, and the light of each is estimated with one
     shadow ray,
@@ -71,11 +85,38 @@ class DirectStratified(DirectIntegrator):
         self.strata = int(settings["strata"])
         self.proposals = int(settings["proposals"])
         self.bsdf_samples = int(settings["bsdf_samples"])
-        self._cache = MapCache(lambda environment: RegionSampler(environment, median_cut(environment, self.strata)))
+        self.automatic = self.strata == 0
+        self._cache: MapCache[Any] = MapCache(LeafSampler if self.automatic else self._regions)
+        self._scene: mi.Scene | None = None
+        self._points: tuple[int | mi.UInt32, int] = (0, 0)
+        self._next_points: tuple[int, int] | None = None
+        self._rendering = False
 
-    def prepare(self, scene: mi.Scene) -> MapLight[RegionSampler] | None:
+    def _regions(self, environment: EnvironmentMap) -> RegionSampler:
+        return RegionSampler(environment, median_cut(environment, self.strata))
+
+    def prepare(self, scene: mi.Scene) -> MapLight[Any] | None:
         """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
-        return self._cache.get(scene)
+        light = self._cache.get(scene)
+        if self.automatic and light is not None and self._scene is not scene:
+            self._allocation, self._scene = Allocation(scene), scene
+        return light
+
+    def continue_points(self, seed: int, first_sample: int) -> None:
+        """Let the next render be the part from ``first_sample`` on of one with that ``seed``: its strata go on."""
+        self._next_points = seed, first_sample
+
+    def render(
+        self, scene: mi.Scene, sensor: mi.Sensor | int = 0, seed: int | mi.UInt32 = 0, *args: Any, **kwargs: Any
+    ) -> Any:
+        """As Mitsuba's; the seed is noted, as the strata of a pixel need it beside the sampler."""
+        if not self._rendering:  # Mitsuba comes here twice
+            self._points, self._next_points = self._next_points or (seed, 0), None
+        was, self._rendering = self._rendering, True
+        try:
+            return super().render(scene, sensor, seed, *args, **kwargs)
+        finally:
+            self._rendering = was
 
     def _proposal(
         self,
@@ -104,6 +145,9 @@ class DirectStratified(DirectIntegrator):
         bsdf: mi.BSDFPtr,
         active: mi.Bool,
     ) -> mi.Spectrum:
+        if dr.hint(self.automatic, mode="scalar"):
+            points = PixelPoints(sampler, *self._points)
+            return NestedStrata(self._allocation, points).estimate(scene, light, si, bsdf, active)
         mis = MisWithBsdf(self.bsdf_samples)
         N = dr.opaque(mi.UInt32, light.tables.count)
         M = dr.opaque(mi.UInt32, self.proposals)
@@ -145,6 +189,8 @@ class DirectStratified(DirectIntegrator):
         return L_o
 
     def to_string(self) -> str:
+        if self.automatic:
+            return "DirectStratified[automatic]"
         return (
             f"DirectStratified[strata = {self.strata}, proposals = {self.proposals}, "
             f"bsdf_samples = {self.bsdf_samples}]"

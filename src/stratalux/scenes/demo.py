@@ -106,7 +106,7 @@ def demo_mesh(subdivisions: int = 7) -> TriangleMesh:
 
 
 def demo_scene(
-    size: tuple[int, int] = (600, 400), spp: int = 16, height: int = 512, emitter: object | None = None
+    size: tuple[int, int] = (600, 400), spp: int = 64, height: int = 512, emitter: object | None = None
 ) -> dict[str, Any]:
     """The Mitsuba scene dictionary of the demo, without an integrator; needs a variant to be set.
 

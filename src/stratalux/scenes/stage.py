@@ -56,9 +56,9 @@ def stage(
     material: dict[str, Any],
     emitter: object,
     size: tuple[int, int] = (600, 400),
-    spp: int = 16,
+    spp: int = 64,
     ground: bool = True,
-    sampler: str = "independent",
+    sampler: str = "multijitter",
 ) -> dict[str, Any]:
     """A Mitsuba scene dictionary, without an integrator, that shows `mesh` from slightly above.
 

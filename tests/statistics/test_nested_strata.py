@@ -1,0 +1,186 @@
+"""The estimator that ``direct_stratified`` is by itself: no bias, no fireflies, the same image for the same seed."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from stratalux import render
+from stratalux.integrators.lobes import Allocation
+from tests.helpers import MATERIALS, assert_same_mean, asset, hall_map, runs, scene_dict, sun_map
+
+RUNS = 32
+MAPS = ("venice", "studio", "forest", "night", "sky", "apartment", "warehouse")
+OURS = {"type": "direct_stratified"}
+SMOOTH = ["diffuse", "roughplastic", "roughconductor", "plastic"]
+
+
+def lamp() -> dict[str, Any]:
+    return {
+        "type": "rectangle",
+        "to_world": mi.ScalarTransform4f().translate([-1.5, 2, 1.5]).rotate([1, 0, 0], 90).scale(0.4),
+        "emitter": {"type": "area", "radiance": {"type": "rgb", "value": [6, 4, 2]}},
+    }
+
+
+def scene(material: str = "diffuse", sampler: str = "independent", **more: Any) -> mi.Scene:
+    description = scene_dict(material, **more)
+    description["sensor"]["sampler"] = {"type": sampler, "sample_count": 16}
+    return mi.load_dict(description)
+
+
+@cache
+def reference(material: str) -> NDArray[Any]:
+    return runs(scene(material), {"type": "direct", "emitter_samples": 2, "bsdf_samples": 1}, 2048, RUNS, seed=10_000)
+
+
+@pytest.mark.parametrize(
+    ("material", "sampler"), [*((material, "multijitter") for material in SMOOTH), ("diffuse", "independent")]
+)
+def test_same_mean_as_direct(material: str, sampler: str) -> None:
+    spp = 2048 if material == "roughconductor" else 64  # its dark pixels get their light from rare events
+    assert_same_mean(runs(scene(material, sampler), OURS, spp, RUNS, seed=0), reference(material))
+
+
+@pytest.mark.parametrize("spp", [1, 3])
+def test_few_samples(spp: int) -> None:
+    images = runs(scene("roughplastic", "multijitter"), OURS, spp, 32 * RUNS, seed=0)
+    assert_same_mean(images.reshape(RUNS, -1, *images.shape[1:]).mean(axis=1), reference("roughplastic"))
+
+
+@pytest.mark.parametrize("material", ["diffuse", "roughplastic"])
+def test_a_sun(material: str) -> None:
+    lit = scene(material, texels=sun_map())
+    assert_same_mean(runs(lit, OURS, 128, RUNS, 0), runs(lit, {"type": "direct"}, 2048, RUNS, 10_000))
+
+
+@pytest.mark.parametrize("material", ["diffuse", "roughconductor", "plastic"])
+def test_with_an_area_light(material: str) -> None:
+    lit = scene(material, lamp=lamp())
+    assert_same_mean(runs(lit, OURS, 128, RUNS, 0), runs(lit, {"type": "direct"}, 2048, RUNS, 10_000))
+
+
+@pytest.mark.parametrize("variant", ["llvm_ad_mono", "llvm_ad_spectral"])
+def test_other_variants(variant: str) -> None:
+    mi.set_variant(variant)
+    lit = scene("roughconductor")
+    assert_same_mean(runs(lit, OURS, 64, RUNS, 0), runs(lit, {"type": "direct"}, 1024, RUNS, 10_000))
+
+
+def test_instances() -> None:
+    T = mi.ScalarTransform4f
+    group = {"type": "shapegroup", "thing": {"type": "sphere", "bsdf": MATERIALS["roughconductor"]}}
+    more = {
+        "group": group,
+        "copy": {
+            "type": "instance",
+            "to_world": T().translate([1.5, 1, 0]).scale(0.6),
+            "of": {"type": "ref", "id": "group"},
+        },
+    }
+    lit = scene("diffuse", **more)
+    assert_same_mean(runs(lit, OURS, 128, RUNS, 0), runs(lit, {"type": "direct"}, 2048, RUNS, 10_000))
+
+
+def close_up() -> mi.Scene:
+    """A spot of the floor beside the ball: no noise but that of the light."""
+    description = scene_dict("diffuse")
+    description["sensor"]["to_world"] = mi.ScalarTransform4f().look_at([1, 2, 5], [0.2, -1, 1.2], [0, 1, 0])
+    description["sensor"]["fov"] = 0.01
+    return mi.load_dict(description)
+
+
+def test_passes_go_on_with_the_strata() -> None:
+    """Passes of a longer render are unbiased and, together, as well stratified as one of their length."""
+    whole = close_up()
+
+    def passes(seed: int) -> NDArray[Any]:
+        integrator = mi.load_dict(OURS)
+        images = []
+        for k in range(4):
+            integrator.continue_points(seed, 16 * k)
+            images.append(np.array(integrator.render(whole, seed=seed + k, spp=16), dtype=np.float64))
+        return np.mean(images, axis=0)
+
+    together = np.stack([passes(1000 * k) for k in range(RUNS)])
+    assert_same_mean(together, runs(whole, {"type": "direct", "emitter_samples": 4}, 1024, RUNS, 10_000))
+    apart = runs(whole, OURS, 16, 4 * RUNS, 500).reshape(RUNS, 4, *together.shape[1:]).mean(axis=1)
+    assert together.var(axis=0).mean() < 0.8 * apart.var(axis=0).mean()
+
+
+def test_strata_beat_the_same_number_of_samples_of_the_paper_scheme() -> None:
+    lit = close_up()
+    variance = {
+        name: runs(lit, {"type": "direct_stratified", **pinned}, 16, 32, 0).var(axis=0).mean()
+        for name, pinned in (("ours", {}), ("paper", {"strata": 8}))
+    }
+    assert variance["ours"] < 0.3 * variance["paper"]
+
+
+def test_no_fireflies() -> None:
+    """The largest value of a channel in any of many noisy images, against the largest one of the reference."""
+    for material in ("diffuse", "roughconductor"):
+        images = runs(scene(material, texels=hall_map()), OURS, 4, 128, 0)
+        assert images.max() < 6 * reference(material).mean(axis=0).max()
+
+
+def test_the_same_seed_gives_the_same_image() -> None:
+    lit = scene("roughplastic")
+    first, again, other = (render(lit, spp=4, seed=seed).image for seed in (7, 7, 8))
+    np.testing.assert_array_equal(first, again)
+    assert np.abs(first - other).max() > 0
+
+
+def test_a_new_seed_compiles_nothing() -> None:
+    lit = scene("roughplastic")
+    integrator = mi.load_dict(OURS)
+    for seed in (0, 1):
+        mi.render(lit, integrator=integrator, spp=4, seed=seed).numpy()
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        mi.render(lit, integrator=integrator, spp=4, seed=2).numpy()
+        kernels = [kernel for kernel in dr.kernel_history() if kernel["type"] == dr.KernelType.JIT]
+    assert kernels and all(kernel["cache_hit"] for kernel in kernels)
+
+
+def test_shares_follow_the_lobes() -> None:
+    def shares(bsdf: dict[str, Any]) -> tuple[int, int]:
+        description = scene_dict("diffuse")
+        description["ball"]["bsdf"] = bsdf
+        loaded = mi.load_dict(description)
+        found = [shape.bsdf() for shape in loaded.shapes() if shape.class_name() == "Sphere"]
+        n, k = Allocation(loaded).of(mi.BSDFPtr(found[0]), mi.Bool(True))
+        return int(n[0]), int(k[0])
+
+    diffuse, rough, shiny = (
+        shares(bsdf)
+        for bsdf in (
+            {"type": "diffuse"},
+            {"type": "roughconductor", "alpha": 0.2},
+            {"type": "twosided", "bsdf": {"type": "roughconductor", "alpha": 0.03}},
+        )
+    )
+    assert diffuse[1] == 0 < rough[1] <= shiny[1]
+    assert diffuse[0] >= rough[0] >= shiny[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("material", ["diffuse", "plastic", "metal", "polished"])
+@pytest.mark.parametrize("name", ["grace_latlong.exr", *(f"{n}.hdr" for n in MAPS)])
+def test_real_maps(name: str, material: str) -> None:
+    from stratalux.scenes.materials import material as named
+
+    texels = np.array(
+        mi.Bitmap(str(asset(f"envmaps/{name}"))).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
+    )
+    description = scene_dict("diffuse", texels)
+    description["ball"]["bsdf"] = named(material)
+    lit = mi.load_dict(description)
+    direct = {"type": "direct", "emitter_samples": 2, "bsdf_samples": 2}
+    assert_same_mean(runs(lit, OURS, 256, RUNS, 0), runs(lit, direct, 2048, RUNS, 10_000))
