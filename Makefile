@@ -32,7 +32,9 @@ demo: llvm ## render the demo scene to out/demo.exr and out/demo.png
 	$(BIN)/stratalux render demo -o out/demo.exr -o out/demo.png
 
 test: lint llvm ## lint, type-check and run the tests
-	$(BIN)/python -m pytest $(ARGS)
+	@# Two processes: Dr.Jit has been seen to abort one that had run the kernels of all tests. 5: ARGS selects none.
+	$(BIN)/python -m pytest --ignore=tests/statistics $(ARGS) || [ $$? -eq 5 ]
+	$(BIN)/python -m pytest tests/statistics $(ARGS) || [ $$? -eq 5 ]
 
 test-slow: llvm ## run the statistical tests that take minutes
 	$(BIN)/python -m pytest -m slow $(ARGS)

@@ -101,6 +101,10 @@ def code_digest() -> str:
 def _report(sections: Sequence[Section], bench: Workbench) -> Report:
     settings = bench.settings
     verdicts = Counter(str(claim.verdict) for section in sections for claim in section.claims)
+    said = {
+        kind: [claim.text for section in sections for claim in section.claims if claim.verdict == kind]
+        for kind in ("fails", "partly")
+    }
     words = {"holds": "hold", "partly": "hold in part", "fails": "fail", "not tested": "could not be tested"}
     counted = [f"{verdicts[kind]} {word}" for kind, word in words.items() if verdicts[kind]]
     notes = []
@@ -118,6 +122,11 @@ def _report(sections: Sequence[Section], bench: Workbench) -> Report:
         summary=(
             f"{sum(verdicts.values())} claims of the paper's sections 4 and 5 were put to the test on its own scenes: "
             f"{', '.join(counted)}.",
+            *(
+                f"{heading}: {'; '.join(found)}."
+                for heading, found in (("What fails here", said["fails"]), ("What holds in part", said["partly"]))
+                if found
+            ),
             "Where the paper shows only a picture, a claim was given a measure and a threshold.",
         ),
         sections=tuple(sections),
