@@ -58,7 +58,7 @@ def stage(
     size: tuple[int, int] = (600, 400),
     spp: int = 64,
     ground: bool = True,
-    sampler: str = "multijitter",
+    sampler: str = "independent",
 ) -> dict[str, Any]:
     """A Mitsuba scene dictionary, without an integrator, that shows `mesh` from slightly above.
 
