@@ -110,8 +110,9 @@ make_venv() {
 
 # --------------------------------------------------------------------------------------------------------- LLVM
 
-# Let Mitsuba and Dr.Jit themselves say what they lack: status 0 for nothing, 4 for LLVM; any other status for something
-# else, which the last line of the output names.
+# Let Mitsuba and Dr.Jit themselves say what they lack: status 0 for nothing, 4 for LLVM, 128 and more if LLVM aborts on a
+# kernel; any other status for something else, which the last line of the output names. LLVM 14 and 15 know no maximum of
+# two numbers that respects NaN on processors without AVX-512, and end the process.
 probe() {
     "$python" - <<'PROBE' 2>&1
 import sys
@@ -121,6 +122,7 @@ try:
     if not dr.has_backend(dr.JitBackend.LLVM):
         sys.exit(4)
     mi.set_variant("llvm_ad_rgb")
+    dr.eval(dr.maximum(mi.Float([1, 2]), 0))
 except Exception as error:
     # Dr.Jit's handler of a failed import fails itself: the first error is the one that says why.
     while error.__context__ is not None:
@@ -172,8 +174,8 @@ llvm_elsewhere() { # an LLVM library in a place where Dr.Jit does not look, and 
     done
 }
 
-install_llvm() {
-    what="Dr.Jit finds no shared LLVM library, which the variants llvm_* need."
+install_llvm() { # install_llvm WHAT: what is wrong
+    what=$1
     if [ -n "${DRJIT_LIBLLVM_PATH:-}" ]; then
         need "Dr.Jit cannot load DRJIT_LIBLLVM_PATH=$DRJIT_LIBLLVM_PATH." "unset DRJIT_LIBLLVM_PATH"
     fi
@@ -201,7 +203,7 @@ make_llvm() {
     python=$1/bin/python
     if [ ! -x "$python" ]; then need "$1 is not there yet." "make install"; fi
     status
-    while [ "$state" -ne 0 ] && [ "$state" -ne 4 ]; do # each round installs one library: the loader names only the first
+    while [ "$state" -ne 0 ] && [ "$state" -ne 4 ] && [ "$state" -lt 128 ]; do # each round installs one library: the loader names only the first
         before=$answer
         install_missing_library
         status
@@ -211,8 +213,15 @@ make_llvm() {
         fi
     done
     if [ "$state" -eq 4 ]; then
-        install_llvm
+        install_llvm "Dr.Jit finds no shared LLVM library, which the variants llvm_* need."
         status
+    elif [ "$state" -ge 128 ]; then
+        install_llvm "The LLVM library that Dr.Jit finds is too old for this processor: it aborts on Dr.Jit's kernels."
+        status
+    fi
+    if [ "$state" -ge 128 ]; then
+        say "LLVM still aborts on Dr.Jit's kernels: install libLLVM 17 or newer, or set DRJIT_LIBLLVM_PATH to one."
+        exit 2
     fi
     if [ "$state" -ne 0 ]; then
         say "Dr.Jit still finds no LLVM library; set DRJIT_LIBLLVM_PATH to a libLLVM shared library. $answer"

@@ -34,7 +34,7 @@ def llvm_advice() -> str:
     """What to type where Dr.Jit finds no LLVM."""
     if sys.platform == "darwin":
         return "brew install llvm"
-    return "sudo apt-get install libllvm19 (any libllvm from 14 on), or set DRJIT_LIBLLVM_PATH to libLLVM.so"
+    return "sudo apt-get install libllvm19 (any libllvm from 17 on), or set DRJIT_LIBLLVM_PATH to libLLVM.so"
 
 
 def why_not(variant: str) -> str | None:
