@@ -378,8 +378,8 @@ def test_a_terminal_sees_progress(folder: Path, arguments: tuple[str, ...], word
     assert words in seen.decode() and "left" in seen.decode()
 
 
-@pytest.mark.skip(reason="the render does not end after SIGINT since the last changes: to be found out")
-def test_interruption_keeps_what_is_done(folder: Path) -> None:
+@pytest.mark.parametrize("strata", [(), ("--strata", "64")])
+def test_interruption_keeps_what_is_done(folder: Path, strata: tuple[str, ...]) -> None:
     command = [
         sys.executable,
         "-m",
@@ -388,8 +388,7 @@ def test_interruption_keeps_what_is_done(folder: Path) -> None:
         "demo",
         "--size",
         "300x200",
-        "--strata",
-        "64",
+        *strata,
         "--spp",
         "4096",
         "-o",

@@ -23,12 +23,12 @@ T = TypeVar("T")
 class MapLight(Generic[T]):
     """The image-based environment of a scene, and what a technique has built from its texels.
 
-    ``emitter``: the ``envmap``. ``tables``: what was built. ``to_world``: rotation from the frame of the map. (No
-    dataclass: Dr.Jit would take it apart and make it the state of a loop.)
+    ``emitter``: the ``envmap``. ``tables``: what was built. ``to_world``: rotation from the frame of the map.
+    ``scale``: of its radiance. (No dataclass: Dr.Jit would take it apart and make it the state of a loop.)
     """
 
-    def __init__(self, emitter: mi.Emitter, tables: T, to_world: Any) -> None:
-        self.emitter, self.tables, self.to_world = emitter, tables, to_world
+    def __init__(self, emitter: mi.Emitter, tables: T, to_world: Any, scale: mi.Float) -> None:
+        self.emitter, self.tables, self.to_world, self.scale = emitter, tables, to_world, scale
 
     def radiance(self, si: mi.SurfaceInteraction3f, uv: mi.Point2f, active: mi.Bool) -> mi.Spectrum:
         """Radiance L at the map coordinates ``uv``: the emitter's own lookup, without a detour over the direction."""
@@ -71,7 +71,8 @@ class MapCache(Generic[T]):
         emitter = image_emitter(scene)
         if emitter is None:
             return None
-        to_world = mi.traverse(emitter)["to_world"]
+        params = mi.traverse(emitter)
+        to_world = params["to_world"]
         linear = to_world.matrix.numpy().reshape(4, 4)[:3, :3]
         if not np.allclose(linear @ linear.T, np.eye(3), atol=1e-3):
             raise InputError(
@@ -82,7 +83,7 @@ class MapCache(Generic[T]):
             # References of our own: neither the emitter's address nor the array's index goes to another meanwhile.
             self._held = emitter, mi.Float(mi.traverse(emitter)["data"].array)
             self._key = _key(emitter)
-        return MapLight(emitter, self._tables, to_world)
+        return MapLight(emitter, self._tables, to_world, params["scale"])
 
 
 def _key(emitter: mi.Emitter) -> tuple[Any, ...]:

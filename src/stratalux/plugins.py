@@ -25,6 +25,7 @@ _SHARED = (
     "stratalux.integrators.common",
     "stratalux.integrators.lobes",
     "stratalux.integrators.nested_strata",
+    "stratalux.integrators.automatic",
 )
 _loaded_for: str | None = None
 

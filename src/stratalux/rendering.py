@@ -112,36 +112,51 @@ def render_passes(
     preparation = time.perf_counter() - start
 
     pixels = int(np.prod(film.crop_size()))
-    total: mi.TensorXf | None = None
-    done, seconds, compiling = 0, 0.0, 0.0
-    for k, count in enumerate(_pass_sizes(spp, pixels * max(1, work))):
+    seconds, compiling = 0.0, 0.0
+    passes = _passes(integrator, scene, camera, seed, spp, pixels * max(1, work))
+    while True:
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
             dr.kernel_history_clear()
             start = time.perf_counter()
-            if hasattr(integrator, "continue_points"):
-                integrator.continue_points(seed, done)
-            integrator.render(scene, camera, seed=seed + k, spp=count, develop=False, evaluate=True)
-            raw = film.develop(raw=True)
-            total = raw if total is None else total + raw
-            dr.eval(total)
+            total, done = next(passes, (None, 0.0))
+            if total is None:
+                return
             dr.sync_thread()
             elapsed = time.perf_counter() - start
             history = dr.kernel_history()
         compile_time = sum(kernel.get("codegen_time", 0) + kernel.get("backend_time", 0) for kernel in history) / 1000
         compiling += compile_time
         seconds += elapsed - compile_time
-        done += int(camera.sampler().sample_count())  # some samplers round up
         yield RenderResult(
             bitmap=_develop(film, total),
-            spp=done,
+            spp=round(done),
             spp_total=spp,
             seconds=seconds,
             preparation_seconds=preparation,
             compile_seconds=compiling,
-            camera_rays=pixels * done,
-            shadow_rays=pixels * done * rays_per_sample,
+            camera_rays=round(pixels * done),
+            shadow_rays=round(pixels * done) * rays_per_sample,
             settings={**settings, "integrator": " ".join(str(integrator).split()), "seed": seed},
         )
+
+
+def _passes(
+    integrator: mi.Integrator, scene: mi.Scene, camera: mi.Sensor, seed: int, spp: int, work: int
+) -> Iterator[tuple[mi.TensorXf, float]]:
+    """The raw image so far and its samples per pixel, pass by pass. ``work``: light samples for one per pixel."""
+    if getattr(integrator, "automatic", False) and integrator.adapts_to(scene, camera):
+        for raw, done in integrator.passes(scene, camera, seed, spp):
+            yield mi.TensorXf(raw), done
+        return
+    total: mi.TensorXf | None = None
+    done = 0
+    for k, count in enumerate(_pass_sizes(spp, work)):
+        integrator.render(scene, camera, seed=seed + k, spp=count, develop=False, evaluate=True)
+        raw = camera.film().develop(raw=True)
+        total = raw if total is None else total + raw
+        dr.eval(total)
+        done += int(camera.sampler().sample_count())  # some samplers round up
+        yield total, float(done)
 
 
 def _pass_sizes(spp: int, samples_per_spp: int) -> list[int]:

@@ -42,7 +42,12 @@ class DirectIntegrator(mi.SamplingIntegrator):
         active: mi.Bool | bool = True,
     ) -> tuple[mi.Spectrum, mi.Bool, list[mi.Float]]:
         """Radiance along ``ray``, whether it hit something, and no AOVs (Mitsuba's integrator interface)."""
-        prepared = self.prepare(scene)
+        return *self.radiance(scene, self.prepare(scene), sampler, ray, active), []
+
+    def radiance(
+        self, scene: mi.Scene, prepared: Any, sampler: mi.Sampler, ray: mi.RayDifferential3f, active: mi.Bool | bool
+    ) -> tuple[mi.Spectrum, mi.Bool]:
+        """Radiance along ``ray``, and whether it hit something; ``prepared`` is what :meth:`prepare` returns."""
         others = OtherEmitters(scene, prepared is not None)
         active = mi.Bool(active)
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=active)
@@ -65,7 +70,7 @@ class DirectIntegrator(mi.SamplingIntegrator):
             L += others.emitter_sampling(scene, sampler, si, bsdf, smooth)
         if others.lights or _has_delta(scene):
             L += others.bsdf_sampling(scene, sampler, si, bsdf, valid)
-        return L, valid, []
+        return L, valid
 
 
 class MisWithBsdf:

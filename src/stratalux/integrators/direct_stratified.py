@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 
 from ..environment import MapCache, MapLight
 from ..envmap import EnvironmentMap
-from ..leaf_sampler import LeafSampler
 from ..median_cut import median_cut
 from ..sampling import RegionSampler
 from ..techniques import Property, Technique, Value, properties_from
+from .automatic import Automatic
 from .common import DirectIntegrator, MisWithBsdf, target
-from .lobes import MOST_RAYS, Allocation
-from .nested_strata import NestedStrata, PixelPoints
+from .lobes import MOST_RAYS
 
 _PINNED: dict[str, Value] = {"strata": 64, "proposals": 1, "bsdf_samples": 0}
 """What the properties are, unless given, once any of them is."""
@@ -39,7 +36,7 @@ TECHNIQUES = (STRATIFIED,)
 
 
 class DirectStratified(DirectIntegrator):
-    r"""Stratified direct lighting: by itself, or pinned to the paper's scheme (Mei, Jaeger, Hu, section 3.2).
+    r"""Stratified direct lighting, pinned to the paper's scheme (Mei, Jaeger, Hu, section 3.2).
 
     ================= ======= ===================================================================================
     ``strata``        int     Number of regions N that the environment map is cut into (default: 0, automatic)
@@ -79,44 +76,22 @@ class DirectStratified(DirectIntegrator):
     Other emitters, delta lobes and environments that are no image are sampled as Mitsuba's ``direct`` does.
     """
 
+    automatic = False
+
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
         settings = properties_from(STRATIFIED, props)
         self.strata = int(settings["strata"])
         self.proposals = int(settings["proposals"])
         self.bsdf_samples = int(settings["bsdf_samples"])
-        self.automatic = self.strata == 0
-        self._cache: MapCache[Any] = MapCache(LeafSampler if self.automatic else self._regions)
-        self._scene: mi.Scene | None = None
-        self._points: tuple[int | mi.UInt32, int] = (0, 0)
-        self._next_points: tuple[int, int] | None = None
-        self._rendering = False
+        self._cache: MapCache[RegionSampler] = MapCache(self._regions)
 
     def _regions(self, environment: EnvironmentMap) -> RegionSampler:
         return RegionSampler(environment, median_cut(environment, self.strata))
 
-    def prepare(self, scene: mi.Scene) -> MapLight[Any] | None:
+    def prepare(self, scene: mi.Scene) -> MapLight[RegionSampler] | None:
         """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
-        light = self._cache.get(scene)
-        if self.automatic and light is not None and self._scene is not scene:
-            self._allocation, self._scene = Allocation(scene), scene
-        return light
-
-    def continue_points(self, seed: int, first_sample: int) -> None:
-        """Let the next render be the part from ``first_sample`` on of one with that ``seed``: its strata go on."""
-        self._next_points = seed, first_sample
-
-    def render(
-        self, scene: mi.Scene, sensor: mi.Sensor | int = 0, seed: int | mi.UInt32 = 0, *args: Any, **kwargs: Any
-    ) -> Any:
-        """As Mitsuba's; the seed is noted, as the strata of a pixel need it beside the sampler."""
-        if not self._rendering:  # Mitsuba comes here twice
-            self._points, self._next_points = self._next_points or (seed, 0), None
-        was, self._rendering = self._rendering, True
-        try:
-            return super().render(scene, sensor, seed, *args, **kwargs)
-        finally:
-            self._rendering = was
+        return self._cache.get(scene)
 
     def _proposal(
         self,
@@ -145,9 +120,6 @@ class DirectStratified(DirectIntegrator):
         bsdf: mi.BSDFPtr,
         active: mi.Bool,
     ) -> mi.Spectrum:
-        if dr.hint(self.automatic, mode="scalar"):
-            points = PixelPoints(sampler, *self._points)
-            return NestedStrata(self._allocation, points).estimate(scene, light, si, bsdf, active)
         mis = MisWithBsdf(self.bsdf_samples)
         N = dr.opaque(mi.UInt32, light.tables.count)
         M = dr.opaque(mi.UInt32, self.proposals)
@@ -189,12 +161,16 @@ class DirectStratified(DirectIntegrator):
         return L_o
 
     def to_string(self) -> str:
-        if self.automatic:
-            return "DirectStratified[automatic]"
         return (
             f"DirectStratified[strata = {self.strata}, proposals = {self.proposals}, "
             f"bsdf_samples = {self.bsdf_samples}]"
         )
 
 
-PLUGINS = {"direct_stratified": DirectStratified}
+def direct_stratified(props: mi.Properties) -> DirectIntegrator:
+    """The plugin: the paper's scheme if any of its properties is given, else :class:`~.automatic.Automatic`."""
+    automatic = int(properties_from(STRATIFIED, props)["strata"]) == 0
+    return Automatic(props) if automatic else DirectStratified(props)
+
+
+PLUGINS = {"direct_stratified": direct_stratified}

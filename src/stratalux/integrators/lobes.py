@@ -8,11 +8,11 @@ import mitsuba as mi
 _DIRECTIONS = 256
 """Test directions for each surface."""
 
-_SHARES = ((1.0, 8, 0), (10.0, 8, 1), (float("inf"), 4, 2))
-"""Concentration in sr⁻¹ up to which a row holds, light samples, BSDF samples. A diffuse surface has 0.2 sr⁻¹, a GGX
-conductor of roughness 0.14 about 5 and of roughness 0.05 about 40."""
+_SHARES = ((0.22, 16, 0), (0.32, 8, 4), (3.0, 16, 2), (float("inf"), 4, 6))
+"""Concentration in sr⁻¹ up to which a row holds, light samples, BSDF samples. A diffuse surface has 0.2 sr⁻¹, a plastic
+with a gloss of 0.14 has 0.26, a GGX conductor of roughness 0.14 has 1.3 and of roughness 0.05 has 9."""
 MOST_RAYS = max(N + K for _, N, K in _SHARES)
-_UNKNOWN = 1
+_UNKNOWN = 2
 """The row of BSDFs that are not seen in the list of shapes, as those of instances."""
 
 
@@ -24,9 +24,9 @@ class Allocation:
     """
 
     def __init__(self, scene: mi.Scene) -> None:
-        self._rows = _rows(scene)
+        self._rows, used = _rows(scene)
         self._table = mi.UInt32([N | K << 16 for _, N, K in _SHARES])
-        used = set(self._rows.numpy().tolist()) | ({_UNKNOWN} if _has_instances(scene) else set())
+        used |= {_UNKNOWN} if _has_instances(scene) else set()
         self.any_bsdf_samples = any(_SHARES[row][2] for row in used)
 
     def of(self, bsdf: mi.BSDFPtr, active: mi.Bool) -> tuple[mi.UInt32, mi.UInt32]:
@@ -55,11 +55,11 @@ def concentration(bsdf: mi.BSDFPtr, sampler: mi.Sampler) -> mi.Float:
     return dr.select(drawn, dr.log(bs.pdf), dr.nan)
 
 
-def _rows(scene: mi.Scene) -> mi.UInt32:
-    """Row of :data:`_SHARES` for each BSDF, by the identity that Dr.Jit gives it."""
+def _rows(scene: mi.Scene) -> tuple[mi.UInt32, set[int]]:
+    """Row of :data:`_SHARES` for each BSDF, by the identity that Dr.Jit gives it, and the rows that shapes use."""
     count = len(scene.shapes())
     if count == 0:
-        return mi.UInt32(_UNKNOWN)
+        return mi.UInt32(_UNKNOWN), set()
     lane = dr.arange(mi.UInt32, count * _DIRECTIONS)
     shape = lane // _DIRECTIONS
     sampler = mi.load_dict({"type": "independent"})
@@ -80,7 +80,7 @@ def _rows(scene: mi.Scene) -> mi.UInt32:
     rows = dr.full(mi.UInt32, _UNKNOWN, int(dr.max(identity)[0]) + 1)
     dr.scatter(rows, row, identity)
     dr.eval(rows)
-    return rows
+    return rows, set(row.numpy().tolist())
 
 
 def _has_instances(scene: mi.Scene) -> bool:

@@ -16,20 +16,82 @@ _LEAVES, _LOBES = 0x3C6EF372, 0x0A54FF53
 
 
 class PixelPoints:
-    """Which sample of which pixel a lane works on, in the order in which Mitsuba lays out a wavefront.
+    """Low-discrepancy points of the sample that each lane works on; stands in for a sampler where one is asked for.
 
-    ``index``: number of the sample within its pixel. ``seed``: the same for all samples of a pixel. Another layout
-    would cost stratification, but no bias: every lane's points are uniform by themselves.
+    ``index``: number of the sample within its pixel. ``seed``: the same for all samples of a pixel, and independent
+    between pixels. Points of other indices would cost stratification, but no bias: every lane's are uniform.
     """
 
-    def __init__(self, sampler: mi.Sampler, seed: int | mi.UInt32, first_sample: int) -> None:
-        per_pixel = mi.UInt32(max(1, sampler.sample_count()))
-        first, seed = mi.UInt32(first_sample), mi.UInt32(seed)
-        dr.make_opaque(per_pixel, first, seed)  # or every value would be compiled into a kernel of its own
+    def __init__(self, index: mi.UInt32, seed: mi.UInt32) -> None:
+        self.index, self.seed = index, seed
+        self._dimension = 0
+
+    @classmethod
+    def of(cls, sampler: mi.Sampler) -> PixelPoints:
+        """For Mitsuba's own order of a wavefront, with a seed from the sampler's points: it does not tell its own."""
+        u = sampler.next_2d() * 65536
+        seed = dr.gather(mi.UInt32, mi.UInt32(u.x) << 16 | mi.UInt32(u.y), 0)
+        per_pixel = dr.opaque(mi.UInt32, max(1, sampler.sample_count()))
         lane = dr.arange(mi.UInt32, sampler.wavefront_size())
         pixel = lane // per_pixel
-        self.index = lane - pixel * per_pixel + first
-        self.seed = mix(pixel ^ mix(seed))
+        return cls(lane - pixel * per_pixel, mix(pixel ^ mix(seed)))
+
+    def next_1d(self, active: mi.Bool | bool = True) -> mi.Float:
+        return unit_float(van_der_corput(shuffle(self.index, self._next()), mix(self._next())))
+
+    def next_2d(self, active: mi.Bool | bool = True) -> mi.Point2f:
+        seed = self._next()
+        return sobol_2d(shuffle(self.index, seed), mix(seed))
+
+    def _next(self) -> mi.UInt32:
+        """A seed for the next dimension."""
+        self._dimension += 1
+        return mix(self.seed + mi.UInt32(0x9E3779B9 * self._dimension & 0xFFFFFFFF))
+
+
+class FreshLight:
+    """Samples of the map, each drawn inside its leaf anew."""
+
+    def __init__(self, light: MapLight[LeafSampler], seed: mi.UInt32) -> None:
+        self._light, self._seed = light, seed
+
+    def draw(
+        self, where: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool
+    ) -> tuple[mi.Vector3f, mi.Float, mi.Spectrum]:
+        """A direction of the world, luminance(L), and L / p; ``where`` is along the leaves, in units of 2⁻³²."""
+        inside = mix(self._seed + where)
+        u = mi.Point2f(mi.Float(inside & 0xFFFF) * 2.0**-16, mi.Float(inside >> 16) * 2.0**-16)
+        x = self._light.tables.sample(where, u, active)
+        L = self._light.radiance(si, x.uv, active)
+        return self._light.to_world @ x.d, target(L), L * dr.select(x.pdf > 0, dr.rcp(x.pdf), 0)
+
+
+class SharedLight:
+    """One sample in every leaf, drawn once for all pixels that are rendered together: a look-up instead of arithmetic.
+
+    A pixel uses few of them, so it hardly matters that others use the same. For RGB and mono variants.
+    """
+
+    def __init__(self, light: MapLight[LeafSampler], seed: mi.UInt32) -> None:
+        self._shift = 32 - light.tables.depth
+        leaf = dr.arange(mi.UInt32, light.tables.count)
+        si = dr.zeros(mi.SurfaceInteraction3f)
+        d, luminance, L_p = FreshLight(light, mix(seed)).draw(leaf << self._shift, si, mi.Bool(True))
+        self._records = dr.zeros(mi.Float, 8 * light.tables.count)
+        channels = [*L_p, *[0] * (4 - dr.size_v(mi.Spectrum))]
+        dr.scatter(self._records, mi.Vector4f(*d, luminance), 2 * leaf)
+        dr.scatter(self._records, mi.Vector4f(*channels), 2 * leaf + 1)
+        dr.eval(self._records)
+
+    def draw(
+        self, where: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool
+    ) -> tuple[mi.Vector3f, mi.Float, mi.Spectrum]:
+        """As :meth:`FreshLight.draw`."""
+        leaf = where >> self._shift
+        first = dr.gather(mi.Vector4f, self._records, 2 * leaf, active)
+        second = dr.gather(mi.Vector4f, self._records, 2 * leaf + 1, active)
+        channels = [second[k] for k in range(dr.size_v(mi.Spectrum))]
+        return mi.Vector3f(first.x, first.y, first.z), first.w, mi.Spectrum(*channels)
 
 
 class NestedStrata:
@@ -47,10 +109,19 @@ class NestedStrata:
     The weights are the balance heuristic's but for p̃, which stands for p: it needs no search for the leaf of a
     direction. It is unbiased, as the weights of both techniques depend on the direction alone, add up to 1, and p is
     positive everywhere. N and K follow the concentration of the BSDF, see :class:`~.lobes.Allocation`.
+
+    ``expected``: luminance that is thought to arrive at each lane in all, or None. A sample that would bring less than
+    :data:`WORTH_A_RAY` times its share gets a ray with a probability in proportion, and the reciprocal weight.
     """
 
-    def __init__(self, allocation: Allocation, points: PixelPoints) -> None:
-        self.allocation, self.points = allocation, points
+    def __init__(
+        self,
+        allocation: Allocation,
+        points: PixelPoints,
+        samples: FreshLight | SharedLight,
+        expected: mi.Float | None = None,
+    ) -> None:
+        self.allocation, self.points, self.samples, self.expected = allocation, points, samples, expected
 
     @dr.syntax
     def estimate(
@@ -66,7 +137,7 @@ class NestedStrata:
         ctx.type_mask = int(mi.BSDFFlags.Smooth)
         N, K = self.allocation.of(bsdf, active)
         n, K_f = mi.Float(N), mi.Float(K)
-        density = n / (light.tables.energy * mi.traverse(light.emitter)["scale"])  # N p̃ is this times the luminance
+        density = n / (light.tables.energy * light.scale)  # N p̃ is this times the luminance
         L_o = mi.Spectrum(0)
 
         # ---------------- Light samples, one in each stratum ----------------
@@ -74,21 +145,17 @@ class NestedStrata:
         first = shuffle(self.points.index, seed) * N
         k = mi.UInt32(0)
         while active & (k < N):
-            inside = mix(seed + first + k)
-            u = mi.Point2f(mi.Float(inside & 0xFFFF) * 2.0**-16, mi.Float(inside >> 16) * 2.0**-16)
-            x = light.tables.sample(van_der_corput(first + k, self.points.seed), u, active)
-            d = light.to_world @ x.d
-            L = light.radiance(si, x.uv, active)
+            d, luminance, L_p = self.samples.draw(van_der_corput(first + k, self.points.seed), si, active)
             if dr.hint(self.allocation.any_bsdf_samples, mode="scalar"):
                 f, p_b = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
-                p = density * target(L)
+                p = density * luminance
                 f *= dr.select(K_f * p_b > 0, p / (p + K_f * p_b), 1)
             else:
                 f = bsdf.eval(ctx, si, si.to_local(d), active)
-            g = L * f
-            lit = (x.pdf > 0) & dr.any(g != 0)
+            g = L_p * f / n
+            lit, g = self._worth_a_ray(g, n, mix(seed ^ (first + k)), active)
             lit &= ~scene.ray_test(si.spawn_ray(d), lit)
-            L_o += dr.select(lit, g / (n * x.pdf), 0)
+            L_o += dr.select(lit, g, 0)
             k += 1
 
         # ----------------- BSDF samples, where they help ---------------------
@@ -99,12 +166,26 @@ class NestedStrata:
             while active & (k < K):
                 u_lobe = unit_float(van_der_corput(shuffle(first + k, seed), mix(seed)))
                 bs, weight = bsdf.sample(ctx, si, u_lobe, sobol_2d(first + k, seed), active)
-                found = (bs.pdf > 0) & dr.any(weight != 0)
+                found = active & (bs.pdf > 0) & dr.any(weight != 0)
                 d = si.to_world(bs.wo)
                 L = light.radiance_towards(d, si, found)
                 g = L * weight * (bs.pdf / (density * target(L) + K_f * bs.pdf))
-                found &= dr.any(g != 0)
+                found, g = self._worth_a_ray(g, K_f, mix(seed ^ (first + k)), found)
                 found &= ~scene.ray_test(si.spawn_ray(d), found)
                 L_o += dr.select(found, g, 0)
                 k += 1
         return L_o
+
+    def _worth_a_ray(
+        self, g: mi.Spectrum, count: mi.Float, random: mi.UInt32, active: mi.Bool
+    ) -> tuple[mi.Bool, mi.Spectrum]:
+        """Whether to trace a ray for a contribution of ``g``, one of ``count``, and what ``g`` then counts."""
+        active = active & dr.any(g != 0)
+        if self.expected is None:
+            return active, g
+        chance = dr.minimum(dr.abs(target(g)) * count / (WORTH_A_RAY * self.expected), 1)
+        return active & (unit_float(random) < chance), g / chance
+
+
+WORTH_A_RAY = 0.25
+"""Of the mean contribution."""
