@@ -106,7 +106,7 @@ def test_launches_go_on_with_the_strata(monkeypatch: pytest.MonkeyPatch) -> None
     assert in_parts.var(axis=0).mean() < 1.2 * at_once.var(axis=0).mean()
 
 
-@pytest.mark.parametrize("rfilter", ["gaussian", "mitchell"])
+@pytest.mark.parametrize("rfilter", ["gaussian", pytest.param("mitchell", marks=pytest.mark.slow)])
 def test_filters_wider_than_a_pixel(rfilter: str) -> None:
     """Samples count in several pixels, which have unequal numbers of them."""
     description = scene_dict("roughplastic")
