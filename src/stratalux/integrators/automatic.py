@@ -29,16 +29,6 @@ DIM = 0.15
 """Of the map's mean radiance: surfaces darker than that are not thought to be looked at for their noise."""
 
 
-class LaunchPoints(PixelPoints):
-    """What a launch knows beside its points: ``samples`` of the map, and the luminance ``expected`` at each lane."""
-
-    def __init__(
-        self, index: mi.UInt32, seed: mi.UInt32, samples: SharedLight | None, expected: mi.Float | None
-    ) -> None:
-        super().__init__(index, seed)
-        self.samples, self.expected = samples, expected
-
-
 class AutomaticSample(DirectIntegrator):
     """The estimate for a camera sample, in whatever order Mitsuba or another integrator asks for them."""
 
@@ -67,9 +57,8 @@ class AutomaticSample(DirectIntegrator):
         active: mi.Bool,
     ) -> mi.Spectrum:
         points = sampler if isinstance(sampler, PixelPoints) else PixelPoints.of(sampler)
-        samples = getattr(points, "samples", None) or FreshLight(light, points.seed)
-        strata = NestedStrata(self._allocation, points, samples, getattr(points, "expected", None))
-        return strata.estimate(scene, light, si, bsdf, active)
+        samples = points.samples or FreshLight(light, points.seed)
+        return NestedStrata(self._allocation, points, samples).estimate(scene, light, si, bsdf, active)
 
     def to_string(self) -> str:
         return "DirectStratified[automatic]"
@@ -184,7 +173,7 @@ class _View:
         pixel = lane // each
         index = lane - pixel * each
         pixel += dr.opaque(mi.UInt32, top * self.width)
-        points = LaunchPoints(index, mix(pixel ^ mix(seed)), None, dr.opaque(mi.Float, expected))
+        points = PixelPoints(index, mix(pixel ^ mix(seed)), None, dr.opaque(mi.Float, expected))
         L = self._samples(block, pixel, points, mi.Float(1))
         if groups is not None:
             group = index * dr.opaque(mi.UInt32, parts) // each
@@ -206,7 +195,7 @@ class _View:
         pixel = mi.UInt32(np.repeat(np.arange(self.pixels, dtype=np.uint32), number))
         before = np.cumsum(number) - number - first  # the first lane of a pixel, less the index of its sample
         index = dr.arange(mi.UInt32, dr.width(pixel)) - dr.gather(mi.UInt32, _unsigned(before), pixel)
-        points = LaunchPoints(index, mix(pixel ^ mix(seed)), samples, dr.gather(mi.Float, expected, pixel))
+        points = PixelPoints(index, mix(pixel ^ mix(seed)), samples, dr.gather(mi.Float, expected, pixel))
         self._samples(block, pixel, points, dr.rcp(mi.Float(dr.gather(mi.UInt32, _unsigned(counts), pixel))))
         dr.eval(block.tensor())
 

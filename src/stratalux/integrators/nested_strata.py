@@ -13,6 +13,8 @@ from .lobes import Allocation
 
 _LEAVES, _LOBES = 0x3C6EF372, 0x0A54FF53
 """Distinguish the points of the map from those of the BSDF."""
+WORTH_A_RAY = 0.25
+"""Of the mean contribution: what brings less gets a ray at random."""
 
 
 class PixelPoints:
@@ -20,10 +22,17 @@ class PixelPoints:
 
     ``index``: number of the sample within its pixel. ``seed``: the same for all samples of a pixel, and independent
     between pixels. Points of other indices would cost stratification, but no bias: every lane's are uniform.
+    ``samples`` of the map that lanes share, and the luminance ``expected`` at each, where a launch knows them.
     """
 
-    def __init__(self, index: mi.UInt32, seed: mi.UInt32) -> None:
-        self.index, self.seed = index, seed
+    def __init__(
+        self,
+        index: mi.UInt32,
+        seed: mi.UInt32,
+        samples: SharedLight | None = None,
+        expected: mi.Float | None = None,
+    ) -> None:
+        self.index, self.seed, self.samples, self.expected = index, seed, samples, expected
         self._dimension = 0
 
     @classmethod
@@ -110,18 +119,12 @@ class NestedStrata:
     direction. It is unbiased, as the weights of both techniques depend on the direction alone, add up to 1, and p is
     positive everywhere. N and K follow the concentration of the BSDF, see :class:`~.lobes.Allocation`.
 
-    ``expected``: luminance that is thought to arrive at each lane in all, or None. A sample that would bring less than
+    Where the points tell the luminance that is expected in all, a sample that would bring less than
     :data:`WORTH_A_RAY` times its share gets a ray with a probability in proportion, and the reciprocal weight.
     """
 
-    def __init__(
-        self,
-        allocation: Allocation,
-        points: PixelPoints,
-        samples: FreshLight | SharedLight,
-        expected: mi.Float | None = None,
-    ) -> None:
-        self.allocation, self.points, self.samples, self.expected = allocation, points, samples, expected
+    def __init__(self, allocation: Allocation, points: PixelPoints, samples: FreshLight | SharedLight) -> None:
+        self.allocation, self.points, self.samples = allocation, points, samples
 
     @dr.syntax
     def estimate(
@@ -181,11 +184,7 @@ class NestedStrata:
     ) -> tuple[mi.Bool, mi.Spectrum]:
         """Whether to trace a ray for a contribution of ``g``, one of ``count``, and what ``g`` then counts."""
         active = active & dr.any(g != 0)
-        if self.expected is None:
+        if self.points.expected is None:
             return active, g
-        chance = dr.minimum(dr.abs(target(g)) * count / (WORTH_A_RAY * self.expected), 1)
+        chance = dr.minimum(dr.abs(target(g)) * count / (WORTH_A_RAY * self.points.expected), 1)
         return active & (unit_float(random) < chance), g / chance
-
-
-WORTH_A_RAY = 0.25
-"""Of the mean contribution."""
