@@ -33,6 +33,10 @@ class LeafSampler:
         leaves /= np.array([environment.width, environment.height - 1] * 2)
         self._leaves = mi.Float(leaves.astype(np.float32).ravel())
 
+    def arrays(self) -> tuple[mi.Float, ...]:
+        """What kernels read."""
+        return (self._leaves,)
+
     def sample(self, where: mi.UInt32, u: mi.Point2f, active: mi.Bool | bool = True) -> DirectionSample:
         """The direction at ``where``, in units of 2⁻³² along the leaves in the order of the tree.
 

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ..adaptive import Plan, plan_samples
 from ..environment import MapCache, MapLight
 from ..leaf_sampler import LeafSampler
-from ..points import mix, sobol_2d
+from ..points import mix
 from .common import DirectIntegrator
+from .launch import Launcher
 from .lobes import Allocation
-from .nested_strata import FreshLight, NestedStrata, PixelPoints, SharedLight
+from .nested_strata import FreshLight, NestedStrata, PixelPoints
 
 _Pixels = NDArray[np.float32]
 
@@ -60,6 +61,10 @@ class AutomaticSample(DirectIntegrator):
         samples = points.samples or FreshLight(light, points.seed)
         return NestedStrata(self._allocation, points, samples).estimate(scene, light, si, bsdf, active)
 
+    def arrays(self) -> tuple[mi.UInt32, ...]:
+        """All arrays that a kernel of the last scene prepared reads, besides those of the scene and of its light."""
+        return self._allocation.arrays()
+
     def to_string(self) -> str:
         return "DirectStratified[automatic]"
 
@@ -76,6 +81,7 @@ class Automatic(AutomaticSample):
         super().__init__(props)
         self._plain = AutomaticSample(props)
         self._plain._cache = self._cache
+        self._launcher: Launcher | None = None
 
     def render(
         self,
@@ -114,7 +120,7 @@ class Automatic(AutomaticSample):
         light = self.prepare(scene)
         assert light is not None
         sensor.film().prepare([])
-        view = _View(self, scene, sensor, light)
+        view = _View(self._launcher_of(scene, sensor), light)
         seed = mi.UInt32(seed)
         dr.make_opaque(seed)  # or every value would be compiled into a kernel of its own
 
@@ -122,13 +128,22 @@ class Automatic(AutomaticSample):
         parts = min(PARTS, few)
         groups = None if few == spp else dr.zeros(mi.Float, 3 * parts * view.pixels)
         dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
+        expected = dr.opaque(mi.Float, dim)
         block = view.film.create_block()
-        rows = max(1, LAUNCH // (few * view.width))
-        for top in range(0, view.height, rows):
-            bottom = min(view.height, top + rows)
-            view.even(block, groups, parts, seed, few, dim, top, bottom)
-            if bottom < view.height:
-                yield _image(block), few * bottom / view.height
+        none, all = np.zeros(view.pixels, dtype=np.int64), np.full(view.pixels, few)
+        rounds = -(-int(all.sum()) // LAUNCH)
+        for k in range(rounds):
+            start, end = k * view.height // rounds * view.width, (k + 1) * view.height // rounds * view.width
+            number = none.copy()
+            number[start:end] = few
+            index, pixel, L = view.add(block, none, number, all, seed, expected, None)
+            if groups is not None:
+                group = index * dr.opaque(mi.UInt32, parts) // dr.opaque(mi.UInt32, few)
+                for c in range(3):
+                    dr.scatter_add(groups, L[c % dr.size_v(mi.Spectrum)], 3 * (group * view.pixels + pixel) + c)
+            dr.eval(block.tensor(), groups)
+            if k + 1 < rounds:
+                yield _image(block), few * end / view.pixels
         pilot = _image(block)
         yield pilot, float(few)
         if groups is None:
@@ -140,84 +155,56 @@ class Automatic(AutomaticSample):
         rounds = -(-int(counts.sum()) // LAUNCH)
         block = view.film.create_block()
         for k in range(rounds):
-            samples = SharedLight(light, mix(seed + mi.UInt32(k + 1)))
             start, end = k * counts // rounds, (k + 1) * counts // rounds
-            view.uneven(block, seed, samples, few + start, end - start, counts, expected)
+            view.add(block, few + start, end - start, counts, seed, expected, mix(mix(seed) + mi.UInt32(k + 1)))
+            dr.eval(block.tensor())
             done = end.reshape(plan.counts.shape)
             yield _combined(pilot, _image(block), few, done), few + float(done.mean())
 
+    def _launcher_of(self, scene: mi.Scene, sensor: mi.Sensor) -> Launcher:
+        if self._launcher is None or self._launcher.scene is not scene or self._launcher.sensor is not sensor:
+            self._launcher = Launcher(self, scene, sensor)
+        return self._launcher
+
 
 class _View:
-    """The pixels of a sensor, and the launches that give them samples."""
+    """The film of a sensor, and launches that add samples to it."""
 
-    def __init__(self, integrator: Automatic, scene: mi.Scene, sensor: mi.Sensor, light: MapLight[LeafSampler]) -> None:
-        self.integrator, self.scene, self.sensor, self.light = integrator, scene, sensor, light
-        self.film = sensor.film()
+    def __init__(self, launcher: Launcher, light: MapLight[LeafSampler]) -> None:
+        self.launcher, self.light = launcher, light
+        self.film = launcher.sensor.film()
         self.width, self.height = (int(side) for side in self.film.crop_size())
         self.pixels = self.width * self.height
 
-    def even(
+    def add(
         self,
         block: mi.ImageBlock,
-        groups: mi.Float | None,
-        parts: int,
-        seed: mi.UInt32,
-        count: int,
-        expected: float,
-        top: int,
-        bottom: int,
-    ) -> None:
-        """``count`` samples of every pixel of some rows; sums over ``parts`` of a pixel's samples go to ``groups``."""
-        lane = dr.arange(mi.UInt32, (bottom - top) * self.width * count)
-        each = dr.opaque(mi.UInt32, count)
-        pixel = lane // each
-        index = lane - pixel * each
-        pixel += dr.opaque(mi.UInt32, top * self.width)
-        points = PixelPoints(index, mix(pixel ^ mix(seed)), None, dr.opaque(mi.Float, expected))
-        L = self._samples(block, pixel, points, mi.Float(1))
-        if groups is not None:
-            group = index * dr.opaque(mi.UInt32, parts) // each
-            for c in range(3):
-                dr.scatter_add(groups, L[c % dr.size_v(mi.Spectrum)], 3 * (group * self.pixels + pixel) + c)
-        dr.eval(block.tensor(), groups)
-
-    def uneven(
-        self,
-        block: mi.ImageBlock,
-        seed: mi.UInt32,
-        samples: SharedLight,
         first: NDArray[np.int64],
         number: NDArray[np.int64],
         counts: NDArray[np.int64],
+        seed: mi.UInt32,
         expected: mi.Float,
-    ) -> None:
-        """Of the samples of each pixel, ``number`` from the ``first`` on, which share a weight with all ``counts``."""
+        shared: mi.UInt32 | None,
+    ) -> tuple[mi.UInt32, mi.UInt32, mi.Spectrum]:
+        """Put ``number`` samples of each pixel, from the ``first`` on, into ``block``; all ``counts`` share a weight.
+
+        ``expected`` has one entry for each pixel, or one for all. Index, pixel, and radiance of each sample.
+        """
         pixel = mi.UInt32(np.repeat(np.arange(self.pixels, dtype=np.uint32), number))
         before = np.cumsum(number) - number - first  # the first lane of a pixel, less the index of its sample
         index = dr.arange(mi.UInt32, dr.width(pixel)) - dr.gather(mi.UInt32, _unsigned(before), pixel)
-        points = PixelPoints(index, mix(pixel ^ mix(seed)), samples, dr.gather(mi.Float, expected, pixel))
-        self._samples(block, pixel, points, dr.rcp(mi.Float(dr.gather(mi.UInt32, _unsigned(counts), pixel))))
-        dr.eval(block.tensor())
-
-    def _samples(self, block: mi.ImageBlock, pixel: mi.UInt32, points: PixelPoints, weight: mi.Float) -> mi.Spectrum:
-        """A camera sample for each lane, put into the block with its ``weight``; their radiance."""
-        y = pixel // dr.opaque(mi.UInt32, self.width)
-        corner = mi.Vector2f(mi.Float(pixel - y * dr.opaque(mi.UInt32, self.width)), mi.Float(y))
-        position = corner + sobol_2d(points.index, mix(points.seed ^ 0x51633E2D))
-        sensor = self.sensor
-        aperture = points.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
-        time = mi.Float(sensor.shutter_open())
-        if sensor.shutter_open_time() > 0:
-            time += points.next_1d() * sensor.shutter_open_time()
-        ray, importance = sensor.sample_ray_differential(
-            time, mi.Float(0), position / mi.ScalarVector2f(self.film.crop_size()), aperture
+        if dr.width(expected) > 1:
+            expected = dr.gather(mi.Float, expected, pixel)
+        dr.eval(index, expected)
+        L, valid, place = self.launcher.samples(self.light, pixel, index, seed, expected, shared)
+        weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, _unsigned(counts), pixel)))
+        if self.film.rfilter().is_box_filter():
+            row = pixel // dr.opaque(mi.UInt32, self.width)
+            place = mi.Point2f(mi.Float(pixel - row * dr.opaque(mi.UInt32, self.width)), mi.Float(row))
+        block.put(
+            place + mi.Vector2f(self.film.crop_offset()), [], L * weight, dr.select(valid, weight, 0), weight
         )
-        L, valid = self.integrator.radiance(self.scene, self.light, points, ray, True)
-        L = L * importance
-        box = self.film.rfilter().is_box_filter()
-        place = (corner if box else position) + mi.Vector2f(self.film.crop_offset())
-        block.put(place, [], L * weight, dr.select(valid, weight, 0), weight)
-        return L
+        return index, pixel, L
 
     def plan(self, groups: mi.Float, parts: int, count: int, dim: float, budget: int) -> Plan:
         """What follows from the sums of a pilot of ``count`` samples."""

@@ -29,6 +29,10 @@ class Allocation:
         used |= {_UNKNOWN} if _has_instances(scene) else set()
         self.any_bsdf_samples = any(_SHARES[row][2] for row in used)
 
+    def arrays(self) -> tuple[mi.UInt32, ...]:
+        """What kernels read."""
+        return self._rows, self._table
+
     def of(self, bsdf: mi.BSDFPtr, active: mi.Bool) -> tuple[mi.UInt32, mi.UInt32]:
         """N and K at each lane."""
         identity = dr.reinterpret_array(mi.UInt32, bsdf)

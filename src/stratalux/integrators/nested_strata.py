@@ -6,6 +6,7 @@ import drjit as dr
 import mitsuba as mi
 
 from ..environment import MapLight
+from ..irradiance import DEGREES, clamped_cosine
 from ..leaf_sampler import LeafSampler
 from ..points import mix, shuffle, sobol_2d, unit_float, van_der_corput
 from .common import target
@@ -13,6 +14,7 @@ from .lobes import Allocation
 
 _LEAVES, _LOBES = 0x3C6EF372, 0x0A54FF53
 """Distinguish the points of the map from those of the BSDF."""
+_POWERS = [float(power) for power in clamped_cosine()]
 WORTH_A_RAY = 0.25
 """Of the mean contribution: what brings less gets a ray at random."""
 
@@ -33,6 +35,8 @@ class PixelPoints:
         expected: mi.Float | None = None,
     ) -> None:
         self.index, self.seed, self.samples, self.expected = index, seed, samples, expected
+        self.difference = mi.Spectrum(0)
+        """After an estimate: the variate's integral less its estimate, 0 on average."""
         self._dimension = 0
 
     @classmethod
@@ -86,10 +90,8 @@ class SharedLight:
         leaf = dr.arange(mi.UInt32, light.tables.count)
         si = dr.zeros(mi.SurfaceInteraction3f)
         d, luminance, L_p = FreshLight(light, mix(seed)).draw(leaf << self._shift, si, mi.Bool(True))
-        self._records = dr.zeros(mi.Float, 8 * light.tables.count)
         channels = [*L_p, *[0] * (4 - dr.size_v(mi.Spectrum))]
-        dr.scatter(self._records, mi.Vector4f(*d, luminance), 2 * leaf)
-        dr.scatter(self._records, mi.Vector4f(*channels), 2 * leaf + 1)
+        self._records = dr.ravel(mi.ArrayXf([*d, luminance, *channels]))
         dr.eval(self._records)
 
     def draw(
@@ -101,6 +103,34 @@ class SharedLight:
         second = dr.gather(mi.Vector4f, self._records, 2 * leaf + 1, active)
         channels = [second[k] for k in range(dr.size_v(mi.Spectrum))]
         return mi.Vector3f(first.x, first.y, first.z), first.w, mi.Spectrum(*channels)
+
+
+class MatteVariate:
+    """A control variate: the unshadowed light of the map on a matte surface, whose integral is known.
+
+    h(ω) = L(ω) P(n·ω), where P is the polynomial that spherical harmonics make of the clamped cosine, see
+    :mod:`stratalux.irradiance`. What is sampled knows nothing of its integral, so the difference of the two is 0 on
+    average, and any multiple of it can be added that does not depend on the samples themselves.
+    """
+
+    def __init__(self, coefficients: dict[int, mi.Spectrum]) -> None:
+        self._coefficients = coefficients
+
+    @staticmethod
+    def cosine(t: mi.Float) -> mi.Float:
+        """P(t): about max(0, t)."""
+        even = mi.Float(0)
+        for power in _POWERS[::-2]:
+            even = dr.fma(even, t * t, power)
+        return dr.fma(_POWERS[1], t, even)
+
+    def integral(self, n: mi.Vector3f) -> mi.Spectrum:
+        """∫ h dω with the unscaled map, in whose frame ``n`` is."""
+        harmonics = dr.sh_eval(mi.Vector3f(-n.z, n.x, n.y), max(DEGREES))
+        H = mi.Spectrum(0)
+        for k, value in self._coefficients.items():
+            H += value * harmonics[k]
+        return H
 
 
 class NestedStrata:
@@ -123,8 +153,14 @@ class NestedStrata:
     :data:`WORTH_A_RAY` times its share gets a ray with a probability in proportion, and the reciprocal weight.
     """
 
-    def __init__(self, allocation: Allocation, points: PixelPoints, samples: FreshLight | SharedLight) -> None:
-        self.allocation, self.points, self.samples = allocation, points, samples
+    def __init__(
+        self,
+        allocation: Allocation,
+        points: PixelPoints,
+        samples: FreshLight | SharedLight,
+        variate: MatteVariate | None = None,
+    ) -> None:
+        self.allocation, self.points, self.samples, self.variate = allocation, points, samples, variate
 
     @dr.syntax
     def estimate(
@@ -142,6 +178,12 @@ class NestedStrata:
         n, K_f = mi.Float(N), mi.Float(K)
         density = n / (light.tables.energy * light.scale)  # N p̃ is this times the luminance
         L_o = mi.Spectrum(0)
+        varied = self.variate is not None
+        H = mi.Spectrum(0)  # Of the variate
+        normal, albedo = mi.Vector3f(0), mi.Spectrum(0)
+        if dr.hint(varied, mode="scalar"):
+            normal = si.sh_frame.n * dr.sign(mi.Frame3f.cos_theta(si.wi))
+            albedo = dr.select(active, bsdf.eval_diffuse_reflectance(si, active) / dr.pi, 0)
 
         # ---------------- Light samples, one in each stratum ----------------
         seed = mix(self.points.seed ^ _LEAVES)
@@ -149,16 +191,20 @@ class NestedStrata:
         k = mi.UInt32(0)
         while active & (k < N):
             d, luminance, L_p = self.samples.draw(van_der_corput(first + k, self.points.seed), si, active)
+            w = mi.Float(1)
             if dr.hint(self.allocation.any_bsdf_samples, mode="scalar"):
                 f, p_b = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
                 p = density * luminance
-                f *= dr.select(K_f * p_b > 0, p / (p + K_f * p_b), 1)
+                w = dr.select((K_f * p_b > 0) & dr.any(f != 0), p / (p + K_f * p_b), 1)
             else:
                 f = bsdf.eval(ctx, si, si.to_local(d), active)
-            g = L_p * f / n
+            L_p *= w / n
+            g = L_p * f
             lit, g = self._worth_a_ray(g, n, mix(seed ^ (first + k)), active)
             lit &= ~scene.ray_test(si.spawn_ray(d), lit)
             L_o += dr.select(lit, g, 0)
+            if dr.hint(varied, mode="scalar"):
+                H += L_p * MatteVariate.cosine(dr.dot(normal, d))
             k += 1
 
         # ----------------- BSDF samples, where they help ---------------------
@@ -171,12 +217,19 @@ class NestedStrata:
                 bs, weight = bsdf.sample(ctx, si, u_lobe, sobol_2d(first + k, seed), active)
                 found = active & (bs.pdf > 0) & dr.any(weight != 0)
                 d = si.to_world(bs.wo)
-                L = light.radiance_towards(d, si, found)
-                g = L * weight * (bs.pdf / (density * target(L) + K_f * bs.pdf))
+                L = dr.select(found, light.radiance_towards(d, si, found), 0)
+                L /= density * target(L) + K_f * bs.pdf
+                g = L * weight * bs.pdf
                 found, g = self._worth_a_ray(g, K_f, mix(seed ^ (first + k)), found)
                 found &= ~scene.ray_test(si.spawn_ray(d), found)
                 L_o += dr.select(found, g, 0)
+                if dr.hint(varied, mode="scalar"):
+                    H += L * MatteVariate.cosine(dr.dot(normal, d))
                 k += 1
+
+        if dr.hint(varied, mode="scalar"):
+            integral = self.variate.integral(light.from_world(normal)) * light.scale
+            self.points.difference = albedo * (integral - H)
         return L_o
 
     def _worth_a_ray(
