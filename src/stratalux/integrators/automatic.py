@@ -14,8 +14,9 @@ from ..environment import MapCache, MapLight
 from ..leaf_sampler import LeafSampler
 from ..points import mix, sobol_2d
 from .common import DirectIntegrator
+from .light_samples import FreshLight, SharedLight
 from .lobes import Allocation
-from .nested_strata import FreshLight, NestedStrata, PixelPoints, SharedLight
+from .nested_strata import NestedStrata, PixelPoints
 
 _Pixels = NDArray[np.float32]
 

@@ -9,6 +9,7 @@ from ..environment import MapLight
 from ..leaf_sampler import LeafSampler
 from ..points import mix, shuffle, sobol_2d, unit_float, van_der_corput
 from .common import target
+from .light_samples import FreshLight, SharedLight, launch_seed
 from .lobes import Allocation
 
 _LEAVES, _LOBES = 0x3C6EF372, 0x0A54FF53
@@ -37,13 +38,12 @@ class PixelPoints:
 
     @classmethod
     def of(cls, sampler: mi.Sampler) -> PixelPoints:
-        """For Mitsuba's own order of a wavefront, with a seed from the sampler's points: it does not tell its own."""
-        u = sampler.next_2d() * 65536
-        seed = dr.gather(mi.UInt32, mi.UInt32(u.x) << 16 | mi.UInt32(u.y), 0)
+        """For Mitsuba's own order of a wavefront."""
+        seed = launch_seed(sampler)
         per_pixel = dr.opaque(mi.UInt32, max(1, sampler.sample_count()))
         lane = dr.arange(mi.UInt32, sampler.wavefront_size())
         pixel = lane // per_pixel
-        return cls(lane - pixel * per_pixel, mix(pixel ^ mix(seed)))
+        return cls(lane - pixel * per_pixel, mix(pixel ^ seed))
 
     def next_1d(self, active: mi.Bool | bool = True) -> mi.Float:
         return unit_float(van_der_corput(shuffle(self.index, self._next()), mix(self._next())))
@@ -56,51 +56,6 @@ class PixelPoints:
         """A seed for the next dimension."""
         self._dimension += 1
         return mix(self.seed + mi.UInt32(0x9E3779B9 * self._dimension & 0xFFFFFFFF))
-
-
-class FreshLight:
-    """Samples of the map, each drawn inside its leaf anew."""
-
-    def __init__(self, light: MapLight[LeafSampler], seed: mi.UInt32) -> None:
-        self._light, self._seed = light, seed
-
-    def draw(
-        self, where: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool
-    ) -> tuple[mi.Vector3f, mi.Float, mi.Spectrum]:
-        """A direction of the world, luminance(L), and L / p; ``where`` is along the leaves, in units of 2⁻³²."""
-        inside = mix(self._seed + where)
-        u = mi.Point2f(mi.Float(inside & 0xFFFF) * 2.0**-16, mi.Float(inside >> 16) * 2.0**-16)
-        x = self._light.tables.sample(where, u, active)
-        L = self._light.radiance(si, x.uv, active)
-        return self._light.to_world @ x.d, target(L), L * dr.select(x.pdf > 0, dr.rcp(x.pdf), 0)
-
-
-class SharedLight:
-    """One sample in every leaf, drawn once for all pixels that are rendered together: a look-up instead of arithmetic.
-
-    A pixel uses few of them, so it hardly matters that others use the same. For RGB and mono variants.
-    """
-
-    def __init__(self, light: MapLight[LeafSampler], seed: mi.UInt32) -> None:
-        self._shift = 32 - light.tables.depth
-        leaf = dr.arange(mi.UInt32, light.tables.count)
-        si = dr.zeros(mi.SurfaceInteraction3f)
-        d, luminance, L_p = FreshLight(light, mix(seed)).draw(leaf << self._shift, si, mi.Bool(True))
-        self._records = dr.zeros(mi.Float, 8 * light.tables.count)
-        channels = [*L_p, *[0] * (4 - dr.size_v(mi.Spectrum))]
-        dr.scatter(self._records, mi.Vector4f(*d, luminance), 2 * leaf)
-        dr.scatter(self._records, mi.Vector4f(*channels), 2 * leaf + 1)
-        dr.eval(self._records)
-
-    def draw(
-        self, where: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool
-    ) -> tuple[mi.Vector3f, mi.Float, mi.Spectrum]:
-        """As :meth:`FreshLight.draw`."""
-        leaf = where >> self._shift
-        first = dr.gather(mi.Vector4f, self._records, 2 * leaf, active)
-        second = dr.gather(mi.Vector4f, self._records, 2 * leaf + 1, active)
-        channels = [second[k] for k in range(dr.size_v(mi.Spectrum))]
-        return mi.Vector3f(first.x, first.y, first.z), first.w, mi.Spectrum(*channels)
 
 
 class NestedStrata:
@@ -148,7 +103,8 @@ class NestedStrata:
         first = shuffle(self.points.index, seed) * N
         k = mi.UInt32(0)
         while active & (k < N):
-            d, luminance, L_p = self.samples.draw(van_der_corput(first + k, self.points.seed), si, active)
+            where = van_der_corput(first + k, self.points.seed)  # in units of 2⁻³² along the leaves
+            d, luminance, L_p = self.samples.draw(where >> (32 - light.tables.depth), where, si, active)
             if dr.hint(self.allocation.any_bsdf_samples, mode="scalar"):
                 f, p_b = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
                 p = density * luminance
