@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from stratalux import EnvironmentMap, InputError, Regions, median_cut, region_content
 from stratalux.geometry import LUMINANCE
-from stratalux.median_cut import summed_area_table
 from tests.helpers import asset, hall_map, sun_map
 
 texels = hnp.arrays(
@@ -120,13 +119,6 @@ def test_what_cannot_be_cut_is_left() -> None:
 def test_too_few_regions_are_refused(n: int) -> None:
     with pytest.raises(InputError, match=f"{n} is too few"):
         median_cut(EnvironmentMap(hall_map()), n)
-
-
-def test_summed_area_table() -> None:
-    cells = np.random.default_rng(0).random((7, 5))
-    table = summed_area_table(cells)
-    for i, j in np.ndindex(table.shape):
-        assert table[i, j] == pytest.approx(cells[:i, :j].sum())
 
 
 def test_content_adds_up_and_points_at_the_light() -> None:

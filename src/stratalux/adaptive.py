@@ -28,27 +28,51 @@ _Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Plan:
-    """``counts`` (H, W): samples of each pixel, powers of two. ``level`` (H, W): mean of the channels around it."""
+    """``counts`` (H, W): samples of each pixel, powers of two. ``level`` (H, W): mean of the channels around it.
+
+    ``share`` (H, W): of the control variate's difference that is to be added to each pixel, in [0, 1].
+    """
 
     counts: NDArray[np.int64]
     level: _Float
+    share: _Float
 
 
-def plan_samples(pilot: NDArray[np.floating], dim: float, budget: float, least: int, footprint: int = 0) -> Plan:
+def plan_samples(
+    pilot: NDArray[np.floating],
+    difference: NDArray[np.floating],
+    dim: float,
+    budget: float,
+    least: int,
+    footprint: int = 0,
+) -> Plan:
     """Share ``budget`` samples per pixel, on average and about, so that the sum of relative errors is least.
 
-    ``pilot``: (P ≥ 2, H, W, C), means of parts of the pilot, whose differences tell its error. ``dim``: radiance below
-    which errors count as if it were that bright. ``least``: samples of any pixel, a power of two, at most ``budget``.
-    ``footprint``: radius in pixels of what a pixel's value depends on beyond its own samples (that of the
-    reconstruction filter; 0 for a box).
+    ``pilot``: (P ≥ 2, H, W, C), means of parts of the pilot, whose differences tell its error. ``difference``, of the
+    same shape: a control variate's integral less its estimate, of which any share can be added to the pilot. ``dim``:
+    radiance below which errors count as if it were that bright. ``least``: samples of any pixel, a power of two, at
+    most ``budget``. ``footprint``: radius in pixels of what a pixel's value depends on beyond its own samples (that of
+    the reconstruction filter; 0 for a box).
     """
-    grey = pilot.mean(axis=0, dtype=np.float32)
-    variance = ((pilot - grey) ** 2).sum(axis=(0, -1), dtype=np.float64)
-    level = grey.mean(axis=-1, dtype=np.float64)
     outer = _REACH + footprint
-    spread = (_ring(variance, footprint + 1, footprint) + _ring(variance, outer, footprint)) / 2
+
+    def around(values: _Float) -> _Float:
+        return (_ring(values, footprint + 1, footprint) + _ring(values, outer, footprint)) / 2
+
+    grey = pilot.mean(axis=0, dtype=np.float32)
+    level = grey.mean(axis=-1, dtype=np.float64)
+    error, variate = pilot - grey, difference - difference.mean(axis=0, dtype=np.float32)
+    # The share c with the least variance of pilot + c · difference; of other pixels, as all that a pixel's value is
+    # made of. Sums around the pixel come first, or it would have a part in the shares of those that it is judged by.
+    variance, covariance, squares = (
+        around((a * b).sum(axis=(0, -1), dtype=np.float64))
+        for a, b in ((error, error), (error, variate), (variate, variate))
+    )
+    share = np.clip(np.divide(-covariance, squares, out=np.zeros_like(squares), where=squares > 0), 0, 1)
+    spread = np.maximum(variance + share * (2 * covariance + share * squares), 0)
     need = (spread / (_ring(level, outer, footprint) ** 2 + dim**2 + 1e-30)) ** (1 / (1 + CONVERGENCE))
-    return Plan(_counts(need, budget, least, outer + footprint), uniform_filter(level, 2 * _REACH + 1, mode="nearest"))
+    counts = _counts(need, budget, least, outer + footprint)
+    return Plan(counts, uniform_filter(level, 2 * _REACH + 1, mode="nearest"), share)
 
 
 def _counts(need: _Float, budget: float, least: int, reach: int) -> NDArray[np.int64]:

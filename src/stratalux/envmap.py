@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .energy_table import EnergyTable
 from .errors import InputError
 from .geometry import LUMINANCE, row_weights
 
@@ -85,6 +86,11 @@ class EnvironmentMap:
         return self.texels @ LUMINANCE
 
     @cached_property
+    def energy_table(self) -> EnergyTable:
+        """Integrals of the bilinear luminance over rectangles."""
+        return EnergyTable.build(self.texels)
+
+    @cached_property
     def cell_energy(self) -> NDArray[np.float64]:
         """Integral over solid angle of the bilinear luminance in each cell, (H − 1, W), exact."""
         return cell_energy(self.luminance)
@@ -109,10 +115,7 @@ def cell_energy(luminance: NDArray[np.float32]) -> NDArray[np.float64]:
 
 def clean(texels: NDArray[np.float32], name: str = "environment map") -> NDArray[np.float32]:
     """Return ``texels`` (H, W, C) without NaN, infinite and negative values, warning with their count."""
-    # The sum is finite and the minimum non-negative for every sound map: one quick pass decides.
-    with np.errstate(over="ignore", invalid="ignore"):
-        sound = texels.size == 0 or (texels.min() >= 0 and np.isfinite(texels.max()))
-    if sound:
+    if _sound(texels):
         return texels
     nan, infinite, negative = np.isnan(texels), np.isposinf(texels), texels < 0
     ceiling = texels[np.isfinite(texels)].max(initial=0)
@@ -128,3 +131,10 @@ def clean(texels: NDArray[np.float32], name: str = "environment map") -> NDArray
         stacklevel=3,
     )
     return texels
+
+
+def _sound(texels: NDArray[np.float32]) -> bool:
+    """Whether there is nothing to repair, in one pass over blocks that stay in the cache."""
+    blocks = (texels[first : first + _ROWS] for first in range(0, len(texels), _ROWS))
+    with np.errstate(invalid="ignore"):
+        return all(block.min(initial=0) >= 0 and block.max(initial=0) < np.inf for block in blocks)

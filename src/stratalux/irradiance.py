@@ -17,6 +17,8 @@ from scipy.special import eval_legendre, lpmv
 
 DEGREES = (0, 1, 2, 4, 6)
 """Of the other odd degrees, the clamped cosine has nothing."""
+_ROWS = 64
+"""Of a block that stays in the cache."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 _Float = NDArray[np.float64]
@@ -47,11 +49,14 @@ def irradiance_coefficients(texels: NDArray[np.float32]) -> dict[int, _Float]:
     height, width, channels = texels.shape
     pairs = [(degree, m) for degree in DEGREES for m in range(degree + 1)]
     rows = np.stack([_row_weights(height, degree, m) for degree, m in pairs]).astype(np.float32)
-    by_column = (rows @ texels.reshape(height, width * channels)).reshape(len(pairs), width, channels)
+    by_column = np.zeros((len(pairs), width, channels))
+    for first in range(0, height, _ROWS):
+        block = texels[first : first + _ROWS]
+        by_column += (rows[:, first : first + _ROWS] @ block.reshape(len(block), -1)).reshape(by_column.shape)
     phi = 2 * np.pi * (np.arange(width) + 0.5) / width
     A = dict(zip(DEGREES, zonal_coefficients(), strict=True))
     result = {}
-    for (degree, m), columns in zip(pairs, by_column.astype(np.float64), strict=True):
+    for (degree, m), columns in zip(pairs, by_column, strict=True):
         hat = 2 * np.pi / width * np.sinc(m / width) ** 2  # of the hat function around a column
         for sign, wave in ((1, np.cos), (-1, np.sin)):
             if m or sign > 0:

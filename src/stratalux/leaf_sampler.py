@@ -1,56 +1,91 @@
-"""Directions from the density of the whole map by one look-up: a leaf, and a uniform point inside (Dr.Jit)."""
+"""Directions from the density of the map by one look-up: a leaf, and a uniform point inside (Dr.Jit)."""
 
 from __future__ import annotations
+
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from .envmap import EnvironmentMap
-from .leaves import equal_energy_leaves
-from .sampling import DirectionSample
+from .leaves import cut_regions, energy_to_cut
+from .regions import Regions
+from .sampling import DirectionSample, lattice_position
 
 CELLS_PER_LEAF = 2
-MIN_DEPTH, MAX_DEPTH = 16, 20
+MIN_DEPTH, MAX_DEPTH = 16, 17
 
 
 class LeafSampler:
     """Draws directions with a density that is constant, per du dv, in each of 2^depth leaves of equal energy.
 
-    ``depth``: by default about one leaf for every two cells of the map, within 2^16 to 2^20 leaves of 16 bytes. The
-    table is uploaded once, to the variant that is active at construction.
+    ``depth``: by default about one leaf for every two cells of the map, within 2^16 to 2^17 leaves of 16 bytes. The
+    table is made once, for the variant that is active at construction.
     """
 
-    def __init__(self, environment: EnvironmentMap, depth: int | None = None) -> None:
-        cells = (environment.height - 1) * environment.width
+    def __init__(self, environment: EnvironmentMap, depth: int | None = None, regions: Regions | None = None) -> None:
+        trees = 1 if regions is None else len(regions)
         if depth is None:
+            cells = (environment.height - 1) * environment.width
             depth = min(max((cells // CELLS_PER_LEAF).bit_length() - 1, MIN_DEPTH), MAX_DEPTH)
-        self.depth, self.count = depth, 1 << depth
-        self.energy = float(environment.cell_energy.sum())
+            depth = max(depth - (trees - 1).bit_length(), 0)
+        self.depth, self.count = depth, trees << depth
+        self.energy = environment.energy_table.total
         """∫ luminance dω over the sphere."""
-        leaves = equal_energy_leaves(environment, depth)
-        leaves[:, 0] += 0.5  # u of texel j is (j + ½) / W
-        leaves /= np.array([environment.width, environment.height - 1] * 2)
-        self._leaves = mi.Float(leaves.astype(np.float32).ravel())
+        nodes = cut_regions(environment.energy_table, None if regions is None else regions.bounds, depth)
+        x0, y0, x1, y1 = dr.gather(mi.Vector4d, nodes, 2 * dr.arange(mi.UInt32, self.count))
+        across, down = dr.opaque(mi.Float64, environment.width), dr.opaque(mi.Float64, environment.height - 1)
+        # u of texel j is (j + ½) / W.
+        self._leaves = dr.ravel(mi.Vector4f((x0 + 0.5) / across, y0 / down, (x1 - x0) / across, (y1 - y0) / down))
+        dr.eval(self._leaves)
 
     def arrays(self) -> tuple[mi.Float, ...]:
         """What kernels read."""
         return (self._leaves,)
 
-    def sample(self, where: mi.UInt32, u: mi.Point2f, active: mi.Bool | bool = True) -> DirectionSample:
-        """The direction at ``where``, in units of 2⁻³² along the leaves in the order of the tree.
+    @property
+    def bytes(self) -> int:
+        """What the table takes."""
+        return 4 * dr.width(self._leaves)
 
-        ``u`` chooses the point inside the leaf. If ``where`` and ``u`` are uniform, the direction has the stated pdf;
-        it is positive everywhere but at the poles themselves.
+    def sample(self, leaf: mi.UInt32, u: mi.Point2f, active: mi.Bool | bool = True) -> DirectionSample:
+        """A direction inside ``leaf``, number of one of ``count``; ``u`` chooses the point.
+
+        If both are uniform, the direction has the stated pdf; it is positive everywhere but at the poles themselves.
         """
-        x, y, width, height = dr.gather(mi.Vector4f, self._leaves, where >> (32 - self.depth), active)
+        x, y, width, height = dr.gather(mi.Vector4f, self._leaves, leaf, active)
         uv = mi.Point2f(dr.fma(u.x, width, x), dr.fma(u.y, height, y))
         sin_θ, cos_θ = dr.sincos(dr.pi * uv.y)
         sin_φ, cos_φ = dr.sincos(dr.two_pi * uv.x)
         # Equation (2): dω = 2π² sin θ du dv
-        solid_angle = 2 * dr.pi**2 * self.count * width * height * sin_θ
+        solid_angle = 2 * np.pi**2 * (1 << self.depth) * width * height * sin_θ
         return DirectionSample(
             uv=uv,
             d=mi.Vector3f(sin_φ * sin_θ, cos_θ, -cos_φ * sin_θ),
             pdf=dr.select(solid_angle > 0, dr.rcp(solid_angle), 0),
         )
+
+
+class RegionLeafSampler(LeafSampler):
+    """The same for each of N regions by itself: region i has 2^depth leaves, from number i 2^depth on.
+
+    ``depth``: by default so many that there are 2^16 to 2^17 leaves in all, or one in each region. The pdf is that of
+    the region: with a uniform leaf of it.
+    """
+
+    def __init__(self, environment: EnvironmentMap, regions: Regions, depth: int | None = None) -> None:
+        super().__init__(environment, depth, regions)
+        self.regions = regions
+        self.region_energy = mi.Float(energy_to_cut(environment.energy_table, regions.bounds).astype(np.float32))
+        """∫ luminance dω over each region, with the floor of :mod:`stratalux.leaves`, hence positive."""
+
+    def region(self, d: mi.Vector3f, active: mi.Bool | bool = True) -> mi.UInt32:
+        """Index of the region that contains the unit direction ``d`` (map's frame)."""
+        height, width = self.regions.shape
+        _, x, y = lattice_position(d, height, width)
+        return dr.gather(mi.UInt32, self._index_map, y * width + x, active)
+
+    @cached_property
+    def _index_map(self) -> mi.UInt32:
+        return mi.UInt32(self.regions.index_map().astype(np.uint32).ravel())

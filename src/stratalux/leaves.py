@@ -1,4 +1,4 @@
-"""The map cut into many rectangles of exactly equal energy, anywhere between texels: the leaves of a median cut.
+"""The map cut into many rectangles of exactly equal energy, anywhere between texels: the leaves of a median cut (Dr.Jit).
 
 A direction drawn uniformly inside a random leaf has the density of the map, without any search, and leaves that follow
 each other in the order of the tree of cuts are neighbours on the sphere: strata of any size are ranges of leaves.
@@ -7,24 +7,32 @@ each other in the order of the tree of cuts are neighbours on the sphere: strata
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+from typing import Any
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from .energy_table import EnergyTable
 from .envmap import EnvironmentMap
 from .errors import InputError
-from .geometry import row_weights, texel_solid_angle
 
 FLOOR = 0.01
 """Luminance added everywhere, in units of the map's mean: no leaf is so large that a lone bright texel in it stands for
 much more light than the leaf's share."""
 
-_Float = NDArray[np.float64]
-_Weights = tuple[NDArray[np.int64], _Float, _Float, _Float]
-"""A lattice index k and the parts of the entries k, k + 1 and k + 2 of the table."""
+_NODE = 8
+"""Numbers that describe a rectangle: x0, y0, x1, y1; the energy before (x0, y0), (x1, y0), (x0, y1) and (x1, y1)."""
+_PROFILE = 8
+_LANES = 1 << 16
+"""At least; unused ones cost less than a kernel of another size."""
+_FIRST = 11
+"""Levels of one tree that a lane walks through by itself, from the root, before it makes use of others' cuts."""
 
 
-def equal_energy_leaves(environment: EnvironmentMap, depth: int) -> _Float:
+def equal_energy_leaves(environment: EnvironmentMap, depth: int) -> NDArray[np.float64]:
     """Cut the map ``depth`` times into halves of equal energy; (2^depth, 4): x, y, width, height of the leaves.
 
     The unit is a cell (see :mod:`stratalux.geometry`): x in [0, W], y in [0, H − 1], the origin at the centre of texel
@@ -32,134 +40,212 @@ def equal_energy_leaves(environment: EnvironmentMap, depth: int) -> _Float:
     position where the integral of the bilinear luminance (plus :data:`FLOOR`) is halved. Leaves are in the order of the
     tree. A black map is cut into equal solid angles. Raises :class:`InputError` for a depth that is not in 0 … 24.
     """
-    if not 0 <= depth <= 24:
-        raise InputError(f"depth of the leaves: {depth} is out of range; give 0 to 24")
-    energy = _Energy(environment)
-    height, width = environment.height, environment.width
-    leaves = np.array([[0.0, 0.0, width, height - 1]])  # left, top, right, bottom
-    for _ in range(depth):
-        left, top, right, bottom = leaves.T
-        across = 2 * (right - left) / width * np.sin(np.pi * (top + bottom) / 2 / (height - 1))
-        vertical = across >= (bottom - top) / (height - 1)  # the cut runs vertically, across the width
-        leaves = np.repeat(leaves, 2, axis=0)
-        pairs = leaves.reshape(-1, 2, 4)
-        for lanes, near, far, halve in (
-            (np.flatnonzero(vertical), 0, 2, energy.halve_width),
-            (np.flatnonzero(~vertical), 1, 3, energy.halve_height),
-        ):
-            if len(lanes):
-                cut = halve(*pairs[lanes, 0].T)
-                pairs[lanes, 0, far] = pairs[lanes, 1, near] = cut
+    leaves: NDArray[np.float64] = cut_regions(environment.energy_table, None, depth).numpy().reshape(-1, _NODE)[:, :4]
     leaves[:, 2:] -= leaves[:, :2]
     return leaves
 
 
-class _Energy:
-    """Integrals of the bilinear luminance over rectangles that begin and end anywhere.
+def cut_regions(table: EnergyTable, bounds: NDArray[np.int64] | None, depth: int) -> mi.Float64:
+    """The same for each of N rectangles of whole cells, or for the map if ``bounds`` is None.
 
-    The integral over [0, x] x [0, y] is a sum over the texels, each with the part of its hat function that lies inside.
-    Along one axis that part is 1 for all texels but the two around the end, so a summed-area table of the texels'
-    energies and three of its entries along each axis give it exactly. The weights of rows are those of
-    :func:`stratalux.geometry.row_weights`; inside a cell, the density is bilinear in x and y.
+    ``bounds`` (N, 4): y0, y1, x0, x1, as in :class:`stratalux.regions.Regions`. Returned are, for each of the N 2^depth
+    leaves, region after region, :data:`_NODE` numbers, of which the first four are x0, y0, x1 and y1.
     """
-
-    def __init__(self, environment: EnvironmentMap) -> None:
-        height, width = environment.height, environment.width
-        solid_angle = texel_solid_angle(height, width)[:, 0]
-        luminance = environment.luminance
-        mean = float(solid_angle @ luminance.sum(axis=1, dtype=np.float64)) / (4 * np.pi)
-        upper, lower = row_weights(height)
-        self._upper, self._lower = np.append(upper, 0), np.append(lower, 0)
-        self._above = np.append(0, lower)  # of the cell above the texel
-        self._row = self._upper + self._above
-        self._height, self._width = height, width
-        # Column W is column 0 again. One more row and column, empty, so that entry k + 2 exists.
-        table = np.zeros((height + 2, width + 3))
-        inner = table[1:-1, 1:-1]
-        np.add(luminance, FLOOR * mean or 1.0, out=inner[:, :-1])
-        inner[:, -1] = inner[:, 0]
-        inner *= self._row[:, None]
-        np.cumsum(inner, axis=1, out=inner)
-        for i in range(1, height):
-            inner[i] += inner[i - 1]
-        table[1:-1, -1] = table[1:-1, -2]
-        table[-1] = table[-2]
-        self._table, self._stride = table.ravel(), table.shape[1]
-
-    def halve_width(self, left: _Float, top: _Float, right: _Float, bottom: _Float) -> _Float:
-        """The x at which vertical cuts halve the rectangles."""
-        upper, lower = self._rows(top), self._rows(bottom)
-
-        def before(x: _Float, lanes: slice | NDArray[np.int64]) -> _Float:
-            columns = self._columns(x)
-            return self._corner(_take(lower, lanes), columns) - self._corner(_take(upper, lanes), columns)
-
-        return _halve(before, left, right)
-
-    def halve_height(self, left: _Float, top: _Float, right: _Float, bottom: _Float) -> _Float:
-        """The y at which horizontal cuts halve the rectangles."""
-        near, far = self._columns(left), self._columns(right)
-
-        def before(y: _Float, lanes: slice | NDArray[np.int64]) -> _Float:
-            rows = self._rows(y)
-            return self._corner(rows, _take(far, lanes)) - self._corner(rows, _take(near, lanes))
-
-        return _halve(before, top, bottom)
-
-    def _columns(self, x: _Float) -> _Weights:
-        k = np.minimum(x.astype(np.int64), self._width - 1)
-        t = x - k
-        # Of the hat of texel k, its rising half and ∫ (1 − t) dt; of that of texel k + 1, ∫ t dt.
-        first, second = (1 + 2 * t - t * t) / 2, t * t / 2
-        return k, 1 - first, first - second, second
-
-    def _rows(self, y: _Float) -> _Weights:
-        k = np.minimum(y.astype(np.int64), self._height - 2)
-        t = y - k
-        first = (self._above[k] + self._upper[k] * (2 * t - t * t)) / self._row[k]
-        second = self._lower[k] * t * t / self._row[k + 1]
-        return k, 1 - first, first - second, second
-
-    def _corner(self, rows: _Weights, columns: _Weights) -> _Float:
-        """Energy of [0, x] x [0, y], up to a constant in x."""
-        i, *row_parts = rows
-        j, a, b, c = columns
-        first = i * self._stride + j
-        total: _Float = np.zeros(len(first))
-        for part in row_parts:
-            total += part * (a * self._table[first] + b * self._table[first + 1] + c * self._table[first + 2])
-            first += self._stride
-        return total
+    if not 0 <= depth <= 24:
+        raise InputError(f"depth of the leaves: {depth} is out of range; give 0 to 24")
+    if bounds is None:
+        bounds = np.array([[0, table.height - 1, 0, table.width]])
+    roots = _roots(table, bounds)
+    if depth == 0:
+        return mi.Float64(roots.ravel())
+    count = len(roots)
+    lanes = max(_LANES, 1 << (count * (1 << depth) // 2 - 1).bit_length())
+    nodes, halves = (dr.empty(mi.Float64, 2 * _NODE * lanes) for _ in range(2))
+    dr.scatter(nodes, mi.Float64(roots.ravel()), dr.arange(mi.UInt32, roots.size))
+    lane = dr.arange(mi.UInt32, lanes)
+    sums, profile = mi.Float64(table.sums.ravel()), mi.Float64(_profile(table).ravel())
+    floor, height, width = mi.Float64(_floor(table)), mi.UInt32(table.height), mi.UInt32(table.width)
+    dr.make_opaque(nodes, lane, floor, height, width)
+    levels = max(1, min(_FIRST - (count - 1).bit_length(), depth))
+    while depth:
+        count <<= levels
+        depth -= levels
+        used, steps = mi.UInt32(count // 2), mi.UInt32(levels)
+        dr.make_opaque(used, steps)
+        _frozen(mi.variant())(sums, profile, floor, height, width, nodes, halves, lane, used, steps)
+        nodes, halves = halves, dr.empty(mi.Float64, 2 * _NODE * lanes)
+        levels = 1
+    return dr.gather(mi.Float64, nodes, dr.arange(mi.UInt32, _NODE * count))
 
 
-def _take(weights: _Weights, lanes: slice | NDArray[np.int64]) -> _Weights:
-    k, a, b, c = weights
-    return k[lanes], a[lanes], b[lanes], c[lanes]
+@cache
+def _frozen(variant: str) -> Callable[..., None]:
+    """:func:`_cut` for arrays of the active ``variant``, traced once."""
+    frozen: Callable[..., None] = dr.freeze(_cut, warn_after=1000)
+    return frozen
 
 
-def _halve(before: Callable[[_Float, slice | NDArray[np.int64]], _Float], start: _Float, end: _Float) -> _Float:
-    """Where ``before``, non-decreasing and quadratic between integers, reaches the mean of its values at both ends."""
-    everything = slice(None)
-    low, high = start.copy(), end.copy()
-    below, above = before(low, everything), before(high, everything)
-    goal = (below + above) / 2
-    # Bisect over the integers in between, as long as there are any.
-    first, last = np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)
-    lanes = np.flatnonzero(last - first > 1)
-    while len(lanes):
-        middle = (first[lanes] + last[lanes]) // 2
-        value = before(middle.astype(np.float64), lanes)
-        short = value <= goal[lanes]
-        moved, value_moved = lanes[short], value[short]
-        first[moved], low[moved], below[moved] = middle[short], middle[short], value_moved
-        moved, value_moved = lanes[~short], value[~short]
-        last[moved], high[moved], above[moved] = middle[~short], middle[~short], value_moved
-        lanes = lanes[last[lanes] - first[lanes] > 1]
-    # In between, the energy is g₀ s + (g₁ − g₀) s² / 2 for s in [0, 1], where g₀ + g₁ is twice its total.
-    total = np.maximum(above - below, 0)
-    wanted = np.clip(goal - below, 0, total)
-    g0 = np.clip(4 * (before((low + high) / 2, everything) - below) - total, 0, 2 * total)
-    g1 = 2 * total - g0
-    divisor = g0 + np.sqrt(np.maximum(g0 * g0 + 2 * (g1 - g0) * wanted, 0))
-    s = np.divide(2 * wanted, divisor, out=np.full_like(total, 0.5), where=divisor > 0)
-    return low + np.clip(s, 0, 1) * (high - low)
+def _floor(table: EnergyTable) -> float:
+    return FLOOR * table.total / (4 * np.pi) or 1.0
+
+
+def _roots(table: EnergyTable, bounds: NDArray[np.int64]) -> NDArray[np.float64]:
+    y0, y1, x0, x1 = bounds.T
+    cumulative = np.append(0, np.cumsum(table.row))
+    floor = _floor(table)
+
+    def before(y: NDArray[np.int64], x: NDArray[np.int64]) -> NDArray[np.float64]:
+        rows: NDArray[np.float64] = cumulative[y] + table.above[y] * table.row[y]
+        return table.before(y, x) + floor * rows * (x + 0.5)
+
+    return np.stack([x0, y0, x1, y1, *(before(y, x) for y in (y0, y1) for x in (x0, x1))], axis=1)
+
+
+def energy_to_cut(table: EnergyTable, bounds: NDArray[np.int64]) -> NDArray[np.float64]:
+    """∫ luminance dω and the floor over rectangles of whole cells, (N,); always positive."""
+    e00, e10, e01, e11 = _roots(table, bounds)[:, 4:].T
+    return (e11 - e01) - (e10 - e00)
+
+
+def _profile(table: EnergyTable) -> NDArray[np.float64]:
+    """How energy grows along the axes, (H + 3, 8), for rows of texels k and, in the last entry, for columns.
+
+    A position t in [0, 1] after texel k has passed the part a + b t (2 − t) of this texel's hat and c t² of the next
+    one's: a, b, c, the steradians of all texels before k, those of texel k and of the next one.
+    """
+    height, row = table.height, table.row
+    profile = np.zeros((height + 3, _PROFILE))
+    profile[:height, 0] = table.above
+    profile[:height, 1] = 1 - table.above
+    profile[: height - 1, 2] = table.above[1:]
+    profile[: height + 2, 3] = [0, *np.cumsum(row), row.sum()]
+    profile[:height, 4] = row
+    profile[: height - 1, 5] = row[1:]
+    profile[-1, :6] = 0.5, 0.5, 0.5, 0, 1, 1
+    return profile
+
+
+class _Axes:
+    """The axis along which each lane cuts, and the other one. Positions are in cells, entries in those of the table."""
+
+    def __init__(
+        self, sums: mi.Float64, profile: mi.Float64, height: mi.UInt32, width: mi.UInt32, vertical: mi.Bool
+    ) -> None:
+        stride = width + 3
+        self.sums, self.profile, self.columns, self.vertical = sums, profile, height + 2, vertical
+        self.step, self.across = dr.select(vertical, 1, stride), dr.select(vertical, stride, 1)
+        self.last = dr.select(vertical, width - 1, height - 2)
+        self._last_across = dr.select(vertical, height - 2, width - 1)
+
+    def hat(self, k: mi.UInt32) -> tuple[mi.Float64, mi.Float64, mi.Float64]:
+        """a, b and c of :func:`_profile` along the axis of the cut."""
+        a, b, c, _ = dr.gather(mi.Vector4d, self.profile, 2 * dr.select(self.vertical, self.columns, k))
+        return a, b, c
+
+    def end(self, position: mi.Float64, floor: mi.Float64) -> tuple[Any, ...]:
+        """For an end across the cut: where its three entries begin, their parts, and the floor before it."""
+        k = dr.minimum(mi.UInt32(position), self._last_across)
+        at = 2 * dr.select(self.vertical, k, self.columns)
+        a, b, c, before = dr.gather(mi.Vector4d, self.profile, at)
+        this, following, _, _ = dr.gather(mi.Vector4d, self.profile, at + 1)
+        first, second = passed(a, b, c, position - mi.Float64(k))
+        before = dr.select(self.vertical, before, mi.Float64(k)) + this * first + following * second
+        return k * self.across, 1 - first, first - second, second, floor * before
+
+    def energy(self, end: tuple[Any, ...], k: mi.UInt32) -> mi.Float64:
+        """Energy between the origin, an ``end`` and all texels before number ``k`` along the axis of the cut."""
+        begin, p0, p1, p2, floor = end
+        at = begin + k * self.step
+        before = dr.select(
+            self.vertical, mi.Float64(k), dr.gather(mi.Float64, self.profile, _PROFILE * k + 3, ~self.vertical)
+        )
+        energy = dr.fma(p2, dr.gather(mi.Float64, self.sums, at + 2 * self.across), floor * before)
+        energy = dr.fma(p1, dr.gather(mi.Float64, self.sums, at + self.across), energy)
+        return dr.fma(p0, dr.gather(mi.Float64, self.sums, at), energy)
+
+
+def passed(a: mi.Float64, b: mi.Float64, c: mi.Float64, t: mi.Float64) -> tuple[mi.Float64, mi.Float64]:
+    """The parts of two neighbouring texels' hats before the position ``t`` between them."""
+    return dr.fma(b, t * (2 - t), a), c * t * t
+
+
+@dr.syntax
+def _cut(
+    sums: mi.Float64,
+    profile: mi.Float64,
+    floor: mi.Float64,
+    height: mi.UInt32,
+    width: mi.UInt32,
+    nodes: mi.Float64,
+    halves: mi.Float64,
+    lane: mi.UInt32,
+    used: mi.UInt32,
+    levels: mi.UInt32,
+) -> None:
+    """The last of ``levels`` generations of cuts below ``nodes``: both halves of the rectangle number ``lane`` there."""
+    active = lane < used
+    parent = lane >> (levels - 1)
+    x0, y0, x1, y1 = dr.gather(mi.Vector4d, nodes, 2 * parent, active)
+    e00, e10, e01, e11 = dr.gather(mi.Vector4d, nodes, 2 * parent + 1, active)
+    vertical = mi.Bool(True)  # The cut runs vertically, across the width
+    cut = mi.Float64(0)
+    near, far = mi.Float64(0), mi.Float64(0)  # Energy before the ends of the cut
+    todo = dr.select(active, levels, 0)
+    while todo > 0:
+        todo -= 1
+        across = 2 * (x1 - x0) / mi.Float64(width) * dr.sin(dr.pi * (y0 + y1) / (2 * (mi.Float64(height) - 1)))
+        vertical = across >= (y1 - y0) / (mi.Float64(height) - 1)
+        axes = _Axes(sums, profile, height, width, vertical)
+        start, stop = dr.select(vertical, x0, y0), dr.select(vertical, x1, y1)
+        upper = axes.end(dr.select(vertical, y0, x0), floor)
+        lower = axes.end(dr.select(vertical, y1, x1), floor)
+        goal = 0.5 * (dr.select(vertical, e01 - e00, e10 - e00) + dr.select(vertical, e11 - e10, e11 - e01))
+
+        # -------- The texel up to which it takes less than half of the energy --------
+        low, high = dr.minimum(mi.UInt32(start), axes.last), dr.minimum(mi.UInt32(stop), axes.last) + 2
+        while high - low > 1:
+            k = (low + high) >> 1
+            short = axes.energy(lower, k) - axes.energy(upper, k) <= goal
+            low, high = dr.select(short, k, low), dr.select(short, high, k)
+
+        # ----- The cut lies within a cell of it: there the energy is quadratic -----
+        n0, n1 = axes.energy(upper, low), axes.energy(upper, low + 1)
+        f0, f1 = axes.energy(lower, low), axes.energy(lower, low + 1)
+        a, b, c = axes.hat(low)
+        earlier = (low > 0) & (goal < dr.fma(a, f1 - f0 - n1 + n0, f0 - n0))
+        k = dr.minimum(dr.select(earlier, low - 1, low), axes.last)
+        earlier = k < low
+        third = dr.select(earlier, k, k + 2)
+        n2, f2 = axes.energy(upper, third), axes.energy(lower, third)
+        n0, n1, n2 = dr.select(earlier, n2, n0), dr.select(earlier, n0, n1), dr.select(earlier, n1, n2)
+        f0, f1, f2 = dr.select(earlier, f2, f0), dr.select(earlier, f0, f1), dr.select(earlier, f1, f2)
+        a, b, c = axes.hat(k)
+        h0, h1 = dr.maximum(f1 - f0 - n1 + n0, 0), dr.maximum(f2 - f1 - n2 + n1, 0)
+        missing = dr.maximum(goal - dr.fma(a, h0, f0 - n0), 0)  # = b h0 t (2 − t) + c h1 t²
+        divisor = b * h0 + dr.sqrt(dr.maximum(dr.fma(b * h0, b * h0, (c * h1 - b * h0) * missing), 0))
+        t = dr.select(divisor > 0, missing / divisor, 0.5)
+        cut = dr.clip(mi.Float64(k) + dr.clip(t, 0, 1), start, stop)
+        first, second = passed(a, b, c, cut - mi.Float64(k))
+        near = n0 + first * (n1 - n0) + second * (n2 - n1)
+        far = f0 + first * (f1 - f0) + second * (f2 - f1)
+
+        # ------------------- Go on in the half that the lane leads to -------------------
+        more = todo > 0
+        into = mi.Bool(((lane >> (todo - 1)) & 1) == 1)
+        lowers, uppers = more & ~into, more & into
+        x1, y1 = dr.select(lowers & vertical, cut, x1), dr.select(lowers & ~vertical, cut, y1)
+        x0, y0 = dr.select(uppers & vertical, cut, x0), dr.select(uppers & ~vertical, cut, y0)
+        e00, e11 = dr.select(uppers, near, e00), dr.select(lowers, far, e11)
+        e10 = dr.select(lowers & vertical, near, dr.select(uppers & ~vertical, far, e10))
+        e01 = dr.select(lowers & ~vertical, near, dr.select(uppers & vertical, far, e01))
+
+    flat = ~vertical
+    quadruples = (
+        (x0, y0, dr.select(vertical, cut, x1), dr.select(flat, cut, y1)),
+        (e00, dr.select(vertical, near, e10), dr.select(flat, near, e01), far),
+        (dr.select(vertical, cut, x0), dr.select(flat, cut, y0), x1, y1),
+        (near, dr.select(flat, far, e10), dr.select(vertical, far, e01), e11),
+    )
+    for i, values in enumerate(quadruples):
+        # With any other mode, each of them would be a kernel of its own.
+        dr.scatter(halves, mi.Vector4d(*values), 4 * lane + i, active, mode=dr.ReduceMode.NoConflicts)

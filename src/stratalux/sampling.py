@@ -180,12 +180,7 @@ class RegionSampler:
         """Density at the unit direction ``d`` (map's frame) of the region that contains it, and that region's index."""
         if self._index_map is None:
             self._index_map = mi.UInt32(self.regions.index_map().astype(np.uint32).ravel())
-        u = dr.atan2(d.x, -d.z) * dr.inv_two_pi * self.width - 0.5
-        u = dr.select(u < 0, u + self.width, u)
-        # The arc cosine would lose most of its digits near the poles.
-        v = dr.atan2(dr.sqrt(d.x * d.x + d.z * d.z), d.y) * dr.inv_pi * (self.height - 1)
-        x = dr.minimum(mi.UInt32(u), self.width - 1)
-        y = dr.minimum(mi.UInt32(v), self.height - 2)
+        (u, v), x, y = lattice_position(d, self.height, self.width)
         region = dr.gather(mi.UInt32, self._index_map, y * self.width + x, active)
         y0, x0, width, first_cell = dr.gather(mi.Vector4u, self._layout, 2 * region, active)
         corners = self._cell_corners(x, y, active)
@@ -229,6 +224,15 @@ class RegionSampler:
             d=mi.Vector3f(sin_phi * sin_theta, cos_theta, -cos_phi * sin_theta),
             pdf=dr.select((pdf_cell > 0) & (sin_theta > 0), pdf, 0),
         )
+
+
+def lattice_position(d: mi.Vector3f, height: int, width: int) -> tuple[mi.Point2f, mi.UInt32, mi.UInt32]:
+    """Position of the unit direction ``d`` in cells of an H x W map, and the column and the row of its cell."""
+    u = dr.atan2(d.x, -d.z) * dr.inv_two_pi * width - 0.5
+    u = dr.select(u < 0, u + width, u)
+    # The arc cosine would lose most of its digits near the poles.
+    v = dr.atan2(dr.sqrt(d.x * d.x + d.z * d.z), d.y) * dr.inv_pi * (height - 1)
+    return mi.Point2f(u, v), dr.minimum(mi.UInt32(u), width - 1), dr.minimum(mi.UInt32(v), height - 2)
 
 
 def _units(u: mi.Float, u_fine: mi.Float) -> mi.UInt32:

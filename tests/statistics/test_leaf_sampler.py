@@ -22,7 +22,7 @@ def draw(sampler: LeafSampler) -> tuple[NDArray[np.float64], NDArray[np.float64]
     random = mi.load_dict({"type": "independent"})
     random.seed(3, SAMPLES)
     where = (mi.UInt32(random.next_1d() * 65536) << 16) | mi.UInt32(random.next_1d() * 65536)
-    x = sampler.sample(where, random.next_2d())
+    x = sampler.sample(where >> (32 - sampler.depth), random.next_2d())
     return tuple(np.asarray(value, dtype=np.float64) for value in (x.uv.numpy(), x.d.numpy(), x.pdf.numpy()))  # type: ignore[return-value]
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -11,12 +13,15 @@ from numpy.typing import NDArray
 
 from ..adaptive import Plan, plan_samples
 from ..environment import MapCache, MapLight
+from ..envmap import EnvironmentMap
 from ..leaf_sampler import LeafSampler
 from ..points import mix
 from .common import DirectIntegrator
 from .launch import Launcher
+from .light_samples import FreshLight
 from .lobes import Allocation
-from .nested_strata import FreshLight, NestedStrata, PixelPoints
+from .nested_strata import NestedStrata, PixelPoints
+from .variate import MatteVariate
 
 _Pixels = NDArray[np.float32]
 
@@ -30,6 +35,17 @@ DIM = 0.15
 """Of the map's mean radiance: surfaces darker than that are not thought to be looked at for their noise."""
 
 
+class NestedTables(LeafSampler):
+    """The leaves of the whole map, and the variate for what is matte; spectral variants have none."""
+
+    def __init__(self, environment: EnvironmentMap) -> None:
+        super().__init__(environment)
+        self.variate = None if mi.is_spectral else MatteVariate(environment.texels)
+
+    def arrays(self) -> tuple[Any, ...]:
+        return *super().arrays(), *(self.variate.arrays() if self.variate else ())
+
+
 class AutomaticSample(DirectIntegrator):
     """The estimate for a camera sample, in whatever order Mitsuba or another integrator asks for them."""
 
@@ -38,10 +54,10 @@ class AutomaticSample(DirectIntegrator):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        self._cache: MapCache[LeafSampler] = MapCache(LeafSampler)
+        self._cache: MapCache[NestedTables] = MapCache(NestedTables)
         self._scene: mi.Scene | None = None
 
-    def prepare(self, scene: mi.Scene) -> MapLight[LeafSampler] | None:
+    def prepare(self, scene: mi.Scene) -> MapLight[NestedTables] | None:
         """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
         light = self._cache.get(scene)
         if light is not None and self._scene is not scene:
@@ -51,7 +67,7 @@ class AutomaticSample(DirectIntegrator):
     def environment_light(
         self,
         scene: mi.Scene,
-        light: MapLight[LeafSampler],
+        light: MapLight[NestedTables],
         sampler: mi.Sampler | PixelPoints,
         si: mi.SurfaceInteraction3f,
         bsdf: mi.BSDFPtr,
@@ -59,7 +75,8 @@ class AutomaticSample(DirectIntegrator):
     ) -> mi.Spectrum:
         points = sampler if isinstance(sampler, PixelPoints) else PixelPoints.of(sampler)
         samples = points.samples or FreshLight(light, points.seed)
-        return NestedStrata(self._allocation, points, samples).estimate(scene, light, si, bsdf, active)
+        variate = light.tables.variate if points is sampler else None
+        return NestedStrata(self._allocation, points, samples, variate).estimate(scene, light, si, bsdf, active)
 
     def arrays(self) -> tuple[mi.UInt32, ...]:
         """All arrays that a kernel of the last scene prepared reads, besides those of the scene and of its light."""
@@ -126,40 +143,32 @@ class Automatic(AutomaticSample):
 
         few = spp if spp < PILOT_FROM else _pilot(spp)
         parts = min(PARTS, few)
-        groups = None if few == spp else dr.zeros(mi.Float, 3 * parts * view.pixels)
+        pilot = _Pilot(view, few, parts)
         dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
-        expected = dr.opaque(mi.Float, dim)
-        block = view.film.create_block()
-        none, all = np.zeros(view.pixels, dtype=np.int64), np.full(view.pixels, few)
-        rounds = -(-int(all.sum()) // LAUNCH)
-        for k in range(rounds):
-            start, end = k * view.height // rounds * view.width, (k + 1) * view.height // rounds * view.width
-            number = none.copy()
-            number[start:end] = few
-            index, pixel, L = view.add(block, none, number, all, seed, expected, None)
-            if groups is not None:
-                group = index * dr.opaque(mi.UInt32, parts) // dr.opaque(mi.UInt32, few)
-                for c in range(3):
-                    dr.scatter_add(groups, L[c % dr.size_v(mi.Spectrum)], 3 * (group * view.pixels + pixel) + c)
-            dr.eval(block.tensor(), groups)
-            if k + 1 < rounds:
-                yield _image(block), few * end / view.pixels
-        pilot = _image(block)
-        yield pilot, float(few)
-        if groups is None:
+        for done in pilot.passes(seed, dim):
+            if done < few:
+                yield pilot.image(0), done
+        if few == 1:
+            yield pilot.image(0), 1.0
+            return
+        plan = pilot.plan(dim, spp)
+        yield pilot.image(plan.share), float(few)
+        if few == spp:
             return
 
-        plan = view.plan(groups, parts, few, dim, spp)
         counts = plan.counts.ravel() - few
-        expected = mi.Float(np.maximum(plan.level, dim).astype(np.float32).ravel())
+        expected, share = (mi.Float(x.astype(np.float32).ravel()) for x in (np.maximum(plan.level, dim), plan.share))
         rounds = -(-int(counts.sum()) // LAUNCH)
         block = view.film.create_block()
+        first = pilot.image(plan.share)
         for k in range(rounds):
             start, end = k * counts // rounds, (k + 1) * counts // rounds
-            view.add(block, few + start, end - start, counts, seed, expected, mix(mix(seed) + mi.UInt32(k + 1)))
+            lanes = view.samples(few + start, end - start, seed, expected, mix(mix(seed) + mi.UInt32(k + 1)))
+            lanes.L += dr.gather(mi.Float, share, lanes.pixel) * lanes.difference
+            view.put(block, lanes, dr.rcp(mi.Float(dr.gather(mi.UInt32, _unsigned(counts), lanes.pixel))))
             dr.eval(block.tensor())
             done = end.reshape(plan.counts.shape)
-            yield _combined(pilot, _image(block), few, done), few + float(done.mean())
+            yield _combined(first, _image(block), few, done), few + float(done.mean())
 
     def _launcher_of(self, scene: mi.Scene, sensor: mi.Sensor) -> Launcher:
         if self._launcher is None or self._launcher.scene is not scene or self._launcher.sensor is not sensor:
@@ -167,53 +176,99 @@ class Automatic(AutomaticSample):
         return self._launcher
 
 
-class _View:
-    """The film of a sensor, and launches that add samples to it."""
+@dataclass
+class _Lanes:
+    """Camera samples: ``index`` within its ``pixel``, radiance ``L``, the variate's ``difference``, and place."""
 
-    def __init__(self, launcher: Launcher, light: MapLight[LeafSampler]) -> None:
+    pixel: mi.UInt32
+    index: mi.UInt32
+    L: mi.Spectrum
+    difference: mi.Spectrum
+    valid: mi.Bool
+    place: mi.Point2f
+
+
+class _View:
+    """The film of a sensor, and launches of samples for it."""
+
+    def __init__(self, launcher: Launcher, light: MapLight[NestedTables]) -> None:
         self.launcher, self.light = launcher, light
         self.film = launcher.sensor.film()
         self.width, self.height = (int(side) for side in self.film.crop_size())
         self.pixels = self.width * self.height
 
-    def add(
+    def samples(
         self,
-        block: mi.ImageBlock,
         first: NDArray[np.int64],
         number: NDArray[np.int64],
-        counts: NDArray[np.int64],
         seed: mi.UInt32,
         expected: mi.Float,
         shared: mi.UInt32 | None,
-    ) -> tuple[mi.UInt32, mi.UInt32, mi.Spectrum]:
-        """Put ``number`` samples of each pixel, from the ``first`` on, into ``block``; all ``counts`` share a weight.
-
-        ``expected`` has one entry for each pixel, or one for all. Index, pixel, and radiance of each sample.
-        """
+    ) -> _Lanes:
+        """``number`` samples of each pixel, from the ``first`` on; ``expected`` has an entry for each, or one for all."""
         pixel = mi.UInt32(np.repeat(np.arange(self.pixels, dtype=np.uint32), number))
         before = np.cumsum(number) - number - first  # the first lane of a pixel, less the index of its sample
         index = dr.arange(mi.UInt32, dr.width(pixel)) - dr.gather(mi.UInt32, _unsigned(before), pixel)
         if dr.width(expected) > 1:
             expected = dr.gather(mi.Float, expected, pixel)
         dr.eval(index, expected)
-        L, valid, place = self.launcher.samples(self.light, pixel, index, seed, expected, shared)
-        weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, _unsigned(counts), pixel)))
-        if self.film.rfilter().is_box_filter():
-            row = pixel // dr.opaque(mi.UInt32, self.width)
-            place = mi.Point2f(mi.Float(pixel - row * dr.opaque(mi.UInt32, self.width)), mi.Float(row))
-        block.put(
-            place + mi.Vector2f(self.film.crop_offset()), [], L * weight, dr.select(valid, weight, 0), weight
-        )
-        return index, pixel, L
+        return _Lanes(pixel, index, *self.launcher.samples(self.light, pixel, index, seed, expected, shared))
 
-    def plan(self, groups: mi.Float, parts: int, count: int, dim: float, budget: int) -> Plan:
-        """What follows from the sums of a pilot of ``count`` samples."""
-        means = groups.numpy().reshape(parts, self.height, self.width, 3) * (parts / count)
-        filter = self.film.rfilter()
-        if filter.is_box_filter():
-            return plan_samples(means, dim, budget, count)
-        # A sample counts in several pixels, so each needs later ones.
-        return plan_samples(means, dim, budget, 2 * count, int(np.ceil(filter.radius() - 0.5)))
+    def put(self, block: mi.ImageBlock, lanes: _Lanes, weight: mi.Float) -> None:
+        """Add the radiance of samples to ``block``."""
+        place = lanes.place
+        if self.film.rfilter().is_box_filter():
+            width = dr.opaque(mi.UInt32, self.width)
+            row = lanes.pixel // width
+            place = mi.Point2f(mi.Float(lanes.pixel - row * width), mi.Float(row))
+        place += mi.Vector2f(self.film.crop_offset())
+        block.put(place, [], lanes.L * weight, dr.select(lanes.valid, weight, 0), weight)
+
+
+class _Pilot:
+    """A few samples of every pixel, and what follows from them."""
+
+    def __init__(self, view: _View, count: int, parts: int) -> None:
+        self.view, self.count, self.parts = view, count, parts
+        self._images = view.film.create_block(), view.film.create_block()
+        self._sums = dr.zeros(mi.Float, 6 * parts * view.pixels)
+
+    def passes(self, seed: mi.UInt32, dim: float) -> Iterator[float]:
+        """Launch by launch, the samples per pixel so far."""
+        view, count = self.view, self.count
+        none, expected = np.zeros(view.pixels, dtype=np.int64), dr.opaque(mi.Float, dim)
+        rounds = -(-view.pixels * count // LAUNCH)
+        for k in range(rounds):
+            start, end = k * view.height // rounds * view.width, (k + 1) * view.height // rounds * view.width
+            number = none.copy()
+            number[start:end] = count
+            lanes = view.samples(none, number, seed, expected, None)
+            group = lanes.index * dr.opaque(mi.UInt32, self.parts) // dr.opaque(mi.UInt32, count)
+            for c in range(6):
+                value = (lanes.L, lanes.difference)[c // 3][c % 3 % dr.size_v(mi.Spectrum)]
+                dr.scatter_add(self._sums, value, 6 * (group * view.pixels + lanes.pixel) + c)
+            weight = dr.opaque(mi.Float, 1 / count)
+            view.put(self._images[0], lanes, weight)
+            lanes.L = lanes.difference
+            view.put(self._images[1], lanes, weight)
+            dr.eval(*(block.tensor() for block in self._images), self._sums)
+            yield count * end / view.pixels
+
+    def image(self, share: NDArray[np.float64] | float) -> _Pixels:
+        """The image, with a ``share`` of the variate's difference in each pixel."""
+        image, difference = (_image(block) for block in self._images)
+        image[..., :-1] += np.asarray(share, dtype=np.float32)[..., None] * difference[..., :-1]
+        return image
+
+    def plan(self, dim: float, budget: int) -> Plan:
+        """How to go on."""
+        view = self.view
+        means = self._sums.numpy().reshape(self.parts, view.height, view.width, 2, 3) * (self.parts / self.count)
+        filter = view.film.rfilter()
+        box = filter.is_box_filter()
+        # With a wider filter, a sample counts in several pixels, so each needs later ones.
+        least, footprint = (self.count, 0) if box else (2 * self.count, int(np.ceil(filter.radius() - 0.5)))
+        return plan_samples(means[..., 0, :], means[..., 1, :], dim, max(budget, least), least, footprint)
 
 
 def _pilot(spp: int) -> int:

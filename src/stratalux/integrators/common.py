@@ -83,8 +83,8 @@ class DirectIntegrator(mi.SamplingIntegrator):
 class MisWithBsdf:
     """The balance heuristic between the samples that a technique takes of the map and K samples of the BSDF.
 
-    ``density(ω)`` is the expected number of map samples per steradian, the sum of the pdfs of all of them; ω is in the
-    map's frame. A map sample counts with weight density / (density + K p_b) and a BSDF sample contributes
+    ``density(ω, L)`` is the expected number of map samples per steradian, the sum of the pdfs of all of them, or
+    something like it that depends on ω alone; ω is in the map's frame, and L the radiance from there. A map sample counts with weight density / (density + K p_b) and a BSDF sample contributes
     L f cos / (density + K p_b), where p_b is the BSDF's pdf (Veach and Guibas 1995, the multi-sample model). As the
     weights depend on the direction alone, they stay right where the map sample is the survivor of a resampling.
     Delta lobes take no part: they are left to :class:`OtherEmitters`.
@@ -110,7 +110,7 @@ class MisWithBsdf:
         self,
         scene: mi.Scene,
         light: MapLight,
-        density: Callable[[mi.Vector3f, mi.Bool], mi.Float],
+        density: Callable[[mi.Vector3f, mi.Spectrum, mi.Bool], mi.Float],
         sampler: mi.Sampler,
         si: mi.SurfaceInteraction3f,
         bsdf: mi.BSDFPtr,
@@ -125,8 +125,9 @@ class MisWithBsdf:
             found = active & (bs.pdf > 0) & dr.any(weight != 0) & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             d = si.to_world(bs.wo)
             found &= ~scene.ray_test(si.spawn_ray(d), found)
-            total = density(light.from_world(d), found) + mi.Float(K) * bs.pdf
-            L_o += dr.select(found, light.radiance_towards(d, si, found) * weight * (bs.pdf / total), 0)
+            L = light.radiance_towards(d, si, found)
+            total = density(light.from_world(d), L, found) + mi.Float(K) * bs.pdf
+            L_o += dr.select(found, L * weight * (bs.pdf / total), 0)
             k += 1
         return L_o
 

@@ -89,7 +89,7 @@ class DirectImportance(DirectIntegrator):
         if self.bsdf_samples:
             samples = dr.opaque(mi.Float, self.samples)
             L_o += mis.bsdf_samples(
-                scene, light, lambda d, active: samples * light.tables.pdf(d, active)[0], sampler, si, bsdf, active
+                scene, light, lambda d, L, active: samples * light.tables.pdf(d, active)[0], sampler, si, bsdf, active
             )
         return L_o
 

@@ -7,11 +7,12 @@ import mitsuba as mi
 
 from ..environment import MapCache, MapLight
 from ..envmap import EnvironmentMap
+from ..leaf_sampler import RegionLeafSampler
 from ..median_cut import median_cut
-from ..sampling import RegionSampler
 from ..techniques import Property, Technique, Value, properties_from
 from .automatic import Automatic
 from .common import DirectIntegrator, MisWithBsdf, target
+from .light_samples import FreshLight, SharedLight, launch_seed
 from .lobes import MOST_RAYS
 
 _PINNED: dict[str, Value] = {"strata": 64, "proposals": 1, "bsdf_samples": 0}
@@ -66,12 +67,20 @@ class DirectStratified(DirectIntegrator):
     E[V(y) g(y)/q(y) · mean(w)] = (1/M) Σ_j E[w_j V(x_j) g(x_j)/q(x_j)] = ∫ V g dω.
     With M = 1 it is plain importance sampling of each region.
 
+    The density p_i is that of leaves of equal energy that the region is cut into (:mod:`stratalux.leaves`): a proposal
+    is a random leaf and a point in it. That point is drawn once for all pixels of a launch, with a seed of its own, so
+    a proposal is one look-up; spectral variants, where it depends on the wavelengths, draw it anew.
+
     The paper holds that samples of regions cannot be combined with BSDF samples, being of another domain. They can: any
     direction ω lies in exactly one region, from which one sample is drawn with pdf p_i(ω), so the regions together are
-    a technique that places p_i(ω) samples per steradian at ω. With K BSDF samples of pdf p_b, the balance heuristic
-    weighs a sample of the map by w = p_i / (p_i + K p_b), which enters q, and a BSDF sample by K p_b / (p_i + K p_b).
-    Both weights depend on ω alone and add up to 1, so the sum is unbiased for M > 1 too, where p_i is the density of
-    the proposals rather than that of the survivor.
+    a technique that places p_i(ω) samples per steradian at ω. With K BSDF samples of pdf p_b, a sample of the map has
+    the weight w, which enters q, and a BSDF sample the weight 1 − w,
+
+        w(ω) = p̃(ω) / (p̃(ω) + K p_b(ω)),    p̃(ω) = luminance(L(ω)) / E_i,
+
+    the balance heuristic but for p̃, which stands for p_i and needs no search for the leaf of a direction; E_i is the
+    energy of the region of ω. Both weights depend on ω alone and add up to 1, so the sum is unbiased, for M > 1 too,
+    where p_i is the density of the proposals rather than that of the survivor.
 
     Other emitters, delta lobes and environments that are no image are sampled as Mitsuba's ``direct`` does.
     """
@@ -84,80 +93,62 @@ class DirectStratified(DirectIntegrator):
         self.strata = int(settings["strata"])
         self.proposals = int(settings["proposals"])
         self.bsdf_samples = int(settings["bsdf_samples"])
-        self._cache: MapCache[RegionSampler] = MapCache(self._regions)
+        self._cache: MapCache[RegionLeafSampler] = MapCache(self._regions)
 
-    def _regions(self, environment: EnvironmentMap) -> RegionSampler:
-        return RegionSampler(environment, median_cut(environment, self.strata))
+    def _regions(self, environment: EnvironmentMap) -> RegionLeafSampler:
+        return RegionLeafSampler(environment, median_cut(environment, self.strata))
 
-    def prepare(self, scene: mi.Scene) -> MapLight[RegionSampler] | None:
+    def prepare(self, scene: mi.Scene) -> MapLight[RegionLeafSampler] | None:
         """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
         return self._cache.get(scene)
-
-    def _proposal(
-        self,
-        light: MapLight[RegionSampler],
-        mis: MisWithBsdf,
-        i: mi.UInt32,
-        sampler: mi.Sampler,
-        si: mi.SurfaceInteraction3f,
-        bsdf: mi.BSDFPtr,
-        active: mi.Bool,
-    ) -> tuple[mi.Vector3f, mi.Spectrum, mi.Float, mi.Float]:
-        """A proposal x from the density of Ω_i (2): direction, g = L f cos, q (0 where nothing can arrive), and p_i."""
-        x = light.tables.sample(i, sampler.next_2d(active), sampler.next_2d(active), active)
-        d = light.to_world @ x.d
-        valid = active & (x.pdf > 0)
-        g = light.radiance(si, x.uv, valid) * mis.eval(si, bsdf, si.to_local(d), x.pdf, valid)
-        return d, g, dr.select(valid, target(g), 0), x.pdf
 
     @dr.syntax
     def environment_light(
         self,
         scene: mi.Scene,
-        light: MapLight[RegionSampler],
+        light: MapLight[RegionLeafSampler],
         sampler: mi.Sampler,
         si: mi.SurfaceInteraction3f,
         bsdf: mi.BSDFPtr,
         active: mi.Bool,
     ) -> mi.Spectrum:
         mis = MisWithBsdf(self.bsdf_samples)
-        N = dr.opaque(mi.UInt32, light.tables.count)
+        regions = Proposals(light, mis, sampler, si, bsdf)
+        N = dr.opaque(mi.UInt32, len(light.tables.regions))
         M = dr.opaque(mi.UInt32, self.proposals)
 
         L_o = mi.Spectrum(0)  # Outgoing radiance
         i = mi.UInt32(0)  # Index of the region
-        while i < N:
+        while active & (i < N):
             if dr.hint(self.proposals == 1, mode="scalar"):
                 # The only proposal is kept: f / q · q / p is f / p.
-                y, g, q, pdf = self._proposal(light, mis, i, sampler, si, bsdf, active)
-                lit = q > 0
-                L_ns = g / pdf
+                y, L_ns = regions.draw(i, sampler.next_1d(active), active)
+                lit = active & (target(L_ns) > 0)
             else:
                 w_sum = mi.Float(0)  # Σ_j w_ij of the proposals so far
-                y = mi.Vector3f(0)  # Direction of the proposal that is kept
-                g_q = mi.Spectrum(0)  # Its (L f cos) / q
+                w_y = mi.Float(1)  # Weight of the proposal that is kept
+                y = mi.Vector3f(0)  # Its direction
+                g_p = mi.Spectrum(0)  # Its (L f cos) / p
                 j = mi.UInt32(0)  # Index of the proposal
-                while j < M:
+                while active & (j < M):
                     # ------- (3): keep it with probability w_ij / Σ_j w_ij --------
-                    d, g, q, pdf = self._proposal(light, mis, i, sampler, si, bsdf, active)
-                    w = dr.select(q > 0, q / pdf, 0)
+                    u = sampler.next_2d(active)
+                    d, g = regions.draw(i, u.x, active)
+                    w = dr.maximum(target(g), 0)
                     w_sum += w
-                    keep = (w > 0) & (sampler.next_1d(active) * w_sum < w)
-                    y = dr.select(keep, d, y)
-                    g_q = dr.select(keep, g / q, g_q)
+                    keep = u.y * w_sum < w
+                    y, g_p, w_y = dr.select(keep, d, y), dr.select(keep, g, g_p), dr.select(keep, w, w_y)
                     j += 1
-                lit = w_sum > 0
-                L_ns = g_q * (w_sum / mi.Float(M))
+                lit = active & (w_sum > 0)
+                L_ns = g_p * (w_sum / (w_y * mi.Float(M)))
 
             # ----- (5), (6): one shadow ray towards the proposal that is kept -----
-            visible = lit & ~scene.ray_test(si.spawn_ray(y), lit)
-            L_o += dr.select(visible, L_ns, 0)
+            lit &= ~scene.ray_test(si.spawn_ray(y), lit)
+            L_o += dr.select(lit, L_ns, 0)
             i += 1
 
         if dr.hint(self.bsdf_samples > 0, mode="scalar"):
-            L_o += mis.bsdf_samples(
-                scene, light, lambda d, active: light.tables.pdf(d, active)[0], sampler, si, bsdf, active
-            )
+            L_o += mis.bsdf_samples(scene, light, regions.density_towards, sampler, si, bsdf, active)
         return L_o
 
     def to_string(self) -> str:
@@ -165,6 +156,44 @@ class DirectStratified(DirectIntegrator):
             f"DirectStratified[strata = {self.strata}, proposals = {self.proposals}, "
             f"bsdf_samples = {self.bsdf_samples}]"
         )
+
+
+class Proposals:
+    """Proposals from the regions for the lanes' shading points."""
+
+    def __init__(
+        self,
+        light: MapLight[RegionLeafSampler],
+        mis: MisWithBsdf,
+        sampler: mi.Sampler,
+        si: mi.SurfaceInteraction3f,
+        bsdf: mi.BSDFPtr,
+    ) -> None:
+        self._light, self._mis, self._sampler, self._si, self._bsdf = light, mis, sampler, si, bsdf
+        self._samples = (FreshLight if mi.is_spectral else SharedLight)(light, launch_seed(sampler))
+        self._leaves = dr.opaque(mi.UInt32, 1 << light.tables.depth)
+
+    def draw(self, i: mi.UInt32, u: mi.Float, active: mi.Bool) -> tuple[mi.Vector3f, mi.Spectrum]:
+        """Direction of a proposal x from the density p_i of Ω_i (2), and L f cos / p_i there, weighted for MIS.
+
+        ``u`` chooses the leaf.
+        """
+        leaf = i * self._leaves + mi.UInt32(u * mi.Float(self._leaves))
+        inside = mi.UInt32(0)
+        if self._samples.fresh:
+            v = self._sampler.next_2d(active) * 65536
+            inside = mi.UInt32(v.x) << 16 | mi.UInt32(v.y)
+        d, luminance, L_p = self._samples.draw(leaf, inside, self._si, active)
+        density = self._density(i, luminance, active)
+        return d, L_p * self._mis.eval(self._si, self._bsdf, self._si.to_local(d), density, active)
+
+    def density_towards(self, d: mi.Vector3f, L: mi.Spectrum, active: mi.Bool) -> mi.Float:
+        """p̃ at the unit direction ``d`` of the map's frame, from which ``L`` comes."""
+        return self._density(self._light.tables.region(d, active), target(L), active)
+
+    def _density(self, i: mi.UInt32, luminance: mi.Float, active: mi.Bool) -> mi.Float:
+        """p̃ where the luminance is so, in Ω_i."""
+        return luminance / (dr.gather(mi.Float, self._light.tables.region_energy, i, active) * self._light.scale)
 
 
 def direct_stratified(props: mi.Properties) -> DirectIntegrator:

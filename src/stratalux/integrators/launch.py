@@ -9,18 +9,18 @@ import drjit as dr
 import mitsuba as mi
 
 from ..environment import MapLight
-from ..leaf_sampler import LeafSampler
 from ..points import mix, sobol_2d
 from .common import OtherEmitters
-from .nested_strata import PixelPoints, SharedLight
+from .light_samples import SharedLight
+from .nested_strata import PixelPoints
 
 if TYPE_CHECKING:
-    from .automatic import AutomaticSample
+    from .automatic import AutomaticSample, NestedTables
 
 _RECORDINGS = 8
 """Kept for one camera: with and without shared samples, and some changes of what is compiled into kernels."""
 
-_Samples = tuple[mi.Spectrum, mi.Bool, mi.Point2f]
+_Samples = tuple[mi.Spectrum, mi.Spectrum, mi.Bool, mi.Point2f]
 
 
 class Launcher:
@@ -32,7 +32,7 @@ class Launcher:
 
     def __init__(self, integrator: AutomaticSample, scene: mi.Scene, sensor: mi.Sensor) -> None:
         self.integrator, self.scene, self.sensor = integrator, scene, sensor
-        self._light: MapLight[LeafSampler] | None = None
+        self._light: MapLight[NestedTables] | None = None
         self._others: OtherEmitters | None = None
         self._replayed: Callable[..., _Samples] = dr.freeze(
             self._samples, state_fn=self._state, limit=_RECORDINGS, warn_after=1 << 30
@@ -40,14 +40,14 @@ class Launcher:
 
     def samples(
         self,
-        light: MapLight[LeafSampler],
+        light: MapLight[NestedTables],
         pixel: mi.UInt32,
         index: mi.UInt32,
         seed: mi.UInt32,
         expected: mi.Float,
         shared: mi.UInt32 | None,
     ) -> _Samples:
-        """Radiance, whether there is any, and place on the film in pixels, of sample ``index`` of each ``pixel``.
+        """Of sample ``index`` of each ``pixel``: radiance, the variate's difference, alpha, place on the film in pixels.
 
         ``seed``: of the points of all pixels, opaque. ``expected``: luminance of each pixel, or one for all. ``shared``:
         seed of the samples of the map that all lanes share; None where each is to have its own.
@@ -82,7 +82,7 @@ class Launcher:
             time += points.next_1d() * sensor.shutter_open_time()
         ray, importance = sensor.sample_ray_differential(time, mi.Float(0), mi.Point2f(place / extent), aperture)
         L, valid = self.integrator.radiance(scene, self._light, self._others, points, ray, True)
-        return L * importance, valid, mi.Point2f(place)
+        return L * importance, points.difference * importance, valid, mi.Point2f(place)
 
     def _state(self, scene: mi.Scene, sensor: mi.Sensor, *_: Any) -> Any:
         """What a launch depends on besides its arguments."""

@@ -6,15 +6,15 @@ import drjit as dr
 import mitsuba as mi
 
 from ..environment import MapLight
-from ..irradiance import DEGREES, clamped_cosine
 from ..leaf_sampler import LeafSampler
 from ..points import mix, shuffle, sobol_2d, unit_float, van_der_corput
 from .common import target
+from .light_samples import FreshLight, SharedLight, launch_seed
 from .lobes import Allocation
+from .variate import MatteVariate
 
 _LEAVES, _LOBES = 0x3C6EF372, 0x0A54FF53
 """Distinguish the points of the map from those of the BSDF."""
-_POWERS = [float(power) for power in clamped_cosine()]
 WORTH_A_RAY = 0.25
 """Of the mean contribution: what brings less gets a ray at random."""
 
@@ -41,13 +41,12 @@ class PixelPoints:
 
     @classmethod
     def of(cls, sampler: mi.Sampler) -> PixelPoints:
-        """For Mitsuba's own order of a wavefront, with a seed from the sampler's points: it does not tell its own."""
-        u = sampler.next_2d() * 65536
-        seed = dr.gather(mi.UInt32, mi.UInt32(u.x) << 16 | mi.UInt32(u.y), 0)
+        """For Mitsuba's own order of a wavefront."""
+        seed = launch_seed(sampler)
         per_pixel = dr.opaque(mi.UInt32, max(1, sampler.sample_count()))
         lane = dr.arange(mi.UInt32, sampler.wavefront_size())
         pixel = lane // per_pixel
-        return cls(lane - pixel * per_pixel, mix(pixel ^ mix(seed)))
+        return cls(lane - pixel * per_pixel, mix(pixel ^ seed))
 
     def next_1d(self, active: mi.Bool | bool = True) -> mi.Float:
         return unit_float(van_der_corput(shuffle(self.index, self._next()), mix(self._next())))
@@ -60,77 +59,6 @@ class PixelPoints:
         """A seed for the next dimension."""
         self._dimension += 1
         return mix(self.seed + mi.UInt32(0x9E3779B9 * self._dimension & 0xFFFFFFFF))
-
-
-class FreshLight:
-    """Samples of the map, each drawn inside its leaf anew."""
-
-    def __init__(self, light: MapLight[LeafSampler], seed: mi.UInt32) -> None:
-        self._light, self._seed = light, seed
-
-    def draw(
-        self, where: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool
-    ) -> tuple[mi.Vector3f, mi.Float, mi.Spectrum]:
-        """A direction of the world, luminance(L), and L / p; ``where`` is along the leaves, in units of 2⁻³²."""
-        inside = mix(self._seed + where)
-        u = mi.Point2f(mi.Float(inside & 0xFFFF) * 2.0**-16, mi.Float(inside >> 16) * 2.0**-16)
-        x = self._light.tables.sample(where, u, active)
-        L = self._light.radiance(si, x.uv, active)
-        return self._light.to_world @ x.d, target(L), L * dr.select(x.pdf > 0, dr.rcp(x.pdf), 0)
-
-
-class SharedLight:
-    """One sample in every leaf, drawn once for all pixels that are rendered together: a look-up instead of arithmetic.
-
-    A pixel uses few of them, so it hardly matters that others use the same. For RGB and mono variants.
-    """
-
-    def __init__(self, light: MapLight[LeafSampler], seed: mi.UInt32) -> None:
-        self._shift = 32 - light.tables.depth
-        leaf = dr.arange(mi.UInt32, light.tables.count)
-        si = dr.zeros(mi.SurfaceInteraction3f)
-        d, luminance, L_p = FreshLight(light, mix(seed)).draw(leaf << self._shift, si, mi.Bool(True))
-        channels = [*L_p, *[0] * (4 - dr.size_v(mi.Spectrum))]
-        self._records = dr.ravel(mi.ArrayXf([*d, luminance, *channels]))
-        dr.eval(self._records)
-
-    def draw(
-        self, where: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool
-    ) -> tuple[mi.Vector3f, mi.Float, mi.Spectrum]:
-        """As :meth:`FreshLight.draw`."""
-        leaf = where >> self._shift
-        first = dr.gather(mi.Vector4f, self._records, 2 * leaf, active)
-        second = dr.gather(mi.Vector4f, self._records, 2 * leaf + 1, active)
-        channels = [second[k] for k in range(dr.size_v(mi.Spectrum))]
-        return mi.Vector3f(first.x, first.y, first.z), first.w, mi.Spectrum(*channels)
-
-
-class MatteVariate:
-    """A control variate: the unshadowed light of the map on a matte surface, whose integral is known.
-
-    h(ω) = L(ω) P(n·ω), where P is the polynomial that spherical harmonics make of the clamped cosine, see
-    :mod:`stratalux.irradiance`. What is sampled knows nothing of its integral, so the difference of the two is 0 on
-    average, and any multiple of it can be added that does not depend on the samples themselves.
-    """
-
-    def __init__(self, coefficients: dict[int, mi.Spectrum]) -> None:
-        self._coefficients = coefficients
-
-    @staticmethod
-    def cosine(t: mi.Float) -> mi.Float:
-        """P(t): about max(0, t)."""
-        even = mi.Float(0)
-        for power in _POWERS[::-2]:
-            even = dr.fma(even, t * t, power)
-        return dr.fma(_POWERS[1], t, even)
-
-    def integral(self, n: mi.Vector3f) -> mi.Spectrum:
-        """∫ h dω with the unscaled map, in whose frame ``n`` is."""
-        harmonics = dr.sh_eval(mi.Vector3f(-n.z, n.x, n.y), max(DEGREES))
-        H = mi.Spectrum(0)
-        for k, value in self._coefficients.items():
-            H += value * harmonics[k]
-        return H
 
 
 class NestedStrata:
@@ -174,23 +102,25 @@ class NestedStrata:
         """Direct light of the environment map at ``si`` from smooth lobes."""
         ctx = mi.BSDFContext()
         ctx.type_mask = int(mi.BSDFFlags.Smooth)
-        N, K = self.allocation.of(bsdf, active)
+        N, K, matte = self.allocation.of(bsdf, active)
         n, K_f = mi.Float(N), mi.Float(K)
         density = n / (light.tables.energy * light.scale)  # N p̃ is this times the luminance
         L_o = mi.Spectrum(0)
-        varied = self.variate is not None
+        varied = self.variate is not None and self.allocation.any_matte
         H = mi.Spectrum(0)  # Of the variate
         normal, albedo = mi.Vector3f(0), mi.Spectrum(0)
         if dr.hint(varied, mode="scalar"):
             normal = si.sh_frame.n * dr.sign(mi.Frame3f.cos_theta(si.wi))
-            albedo = dr.select(active, bsdf.eval_diffuse_reflectance(si, active) / dr.pi, 0)
+            matte &= active
+            albedo = dr.select(matte, bsdf.eval_diffuse_reflectance(si, matte) / dr.pi, 0)
 
         # ---------------- Light samples, one in each stratum ----------------
         seed = mix(self.points.seed ^ _LEAVES)
         first = shuffle(self.points.index, seed) * N
         k = mi.UInt32(0)
         while active & (k < N):
-            d, luminance, L_p = self.samples.draw(van_der_corput(first + k, self.points.seed), si, active)
+            where = van_der_corput(first + k, self.points.seed)  # in units of 2⁻³² along the leaves
+            d, luminance, L_p = self.samples.draw(where >> (32 - light.tables.depth), where, si, active)
             w = mi.Float(1)
             if dr.hint(self.allocation.any_bsdf_samples, mode="scalar"):
                 f, p_b = bsdf.eval_pdf(ctx, si, si.to_local(d), active)

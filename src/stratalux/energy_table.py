@@ -1,0 +1,80 @@
+"""Integrals of the bilinear luminance over rectangles of the map, from one summed-area table of its texels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .geometry import LUMINANCE, row_weights, texel_solid_angle
+
+_ROWS = 64
+"""Of a block that stays in the cache."""
+
+
+@dataclass(frozen=True)
+class EnergyTable:
+    """Sums over texels, and what it takes to make integrals over parts of cells of them.
+
+    The integral over [0, x] x [0, y] (in cells, see :mod:`stratalux.geometry`) is a sum over the texels, each with the
+    part of its hat function that lies inside. Along one axis that part is 1 for all texels but the two around the end,
+    so three entries of the table along each axis give it exactly, and two if the end is an integer.
+
+    ``sums`` (H + 2, W + 3) float64: entry (i, j) is the sum of luminance x steradians over the texels above row i and
+    left of column j. Column W of the texels is column 0 again; the last row and column are repeated once.
+    ``row`` (H,): steradians that a texel of each row stands for. ``above`` (H,): the part of them that lies in the
+    cells above the texel.
+    """
+
+    sums: NDArray[np.float64]
+    row: NDArray[np.float64]
+    above: NDArray[np.float64]
+
+    @classmethod
+    def build(cls, texels: NDArray[np.float32]) -> EnergyTable:
+        """Of RGB ``texels`` (H, W, 3), in one pass over them."""
+        height, width = texels.shape[:2]
+        row = texel_solid_angle(height, width)[:, 0].copy()
+        above = 2 * np.pi / width * np.append(0, row_weights(height)[1]) / row
+        sums = np.empty((height + 2, width + 3))
+        sums[0] = sums[:, 0] = 0
+        luminance = np.empty((min(_ROWS, height), width), dtype=np.float32)
+        for first in range(0, height, _ROWS):
+            last = min(first + _ROWS, height)
+            block, inner = luminance[: last - first], sums[first + 1 : last + 1, 1 : width + 1]
+            np.matmul(texels[first:last], LUMINANCE, out=block)
+            np.multiply(block, row[first:last, None], out=inner)
+            np.cumsum(inner, axis=1, out=inner)
+            sums[first + 1 : last + 1, width + 1] = inner[:, -1] + inner[:, 0]
+            for i in range(first + 1, last + 1):
+                sums[i, 1:-1] += sums[i - 1, 1:-1] if i > 1 else 0
+        sums[:-1, -1] = sums[:-1, -2]
+        sums[-1] = sums[-2]
+        return cls(sums, row, above)
+
+    @property
+    def height(self) -> int:
+        return len(self.row)
+
+    @property
+    def width(self) -> int:
+        return self.sums.shape[1] - 3
+
+    @property
+    def total(self) -> float:
+        """∫ luminance dω over the sphere."""
+        return float(self.sums[-1, self.width])
+
+    def before(self, y: NDArray[np.int64], x: NDArray[np.int64]) -> NDArray[np.float64]:
+        """∫ luminance dω over [0, x] x [0, y], whole cells, up to a function of y alone."""
+        flat, stride = self.sums.ravel(), self.sums.shape[1]
+        first = y * stride + x
+        upper = flat[first] + flat[first + 1]
+        first += stride
+        lower = flat[first] + flat[first + 1]
+        lower -= upper
+        lower *= self.above[y]
+        upper += lower
+        upper /= 2
+        return upper

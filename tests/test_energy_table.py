@@ -1,0 +1,29 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from stratalux import EnvironmentMap
+from stratalux.energy_table import EnergyTable
+from tests.helpers import hall_map, sun_map
+
+
+@pytest.mark.parametrize("texels", [hall_map(), sun_map(), hall_map(150, 9)], ids=["hall", "sun", "tall"])
+def test_energy_of_whole_cells(texels: NDArray[np.float32]) -> None:
+    """Against sums of the energies of cells, which are integrated one by one."""
+    environment = EnvironmentMap(texels)
+    table, cells = environment.energy_table, environment.cell_energy
+    assert (table.height - 1, table.width) == cells.shape
+    y, x = (k.ravel() for k in np.mgrid[0 : environment.height, 0 : environment.width + 1])
+    found = table.before(y, x) - table.before(y, 0 * x)
+    expected = np.array([cells[:i, :j].sum() for i, j in zip(y, x, strict=True)])
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * cells.sum())
+    assert table.total == pytest.approx(cells.sum())
+
+
+def test_views_of_larger_arrays_give_the_same() -> None:
+    """The emitter's texels have a column more on either side."""
+    texels = hall_map()
+    padded = np.pad(texels, ((0, 0), (1, 1), (0, 0)), mode="wrap")
+    np.testing.assert_array_equal(EnergyTable.build(padded[:, 1:-1]).sums, EnergyTable.build(texels).sums)
