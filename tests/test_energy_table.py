@@ -15,10 +15,13 @@ def test_energy_of_whole_cells(texels: NDArray[np.float32]) -> None:
     environment = EnvironmentMap(texels)
     table, cells = environment.energy_table, environment.cell_energy
     assert (table.height - 1, table.width) == cells.shape
-    y, x = (k.ravel() for k in np.mgrid[0 : environment.height, 0 : environment.width + 1])
-    found = table.before(y, x) - table.before(y, 0 * x)
-    expected = np.array([cells[:i, :j].sum() for i, j in zip(y, x, strict=True)])
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * cells.sum())
+    expected = np.zeros((environment.height, environment.width + 1))
+    expected[1:, 1:] = cells.cumsum(axis=0).cumsum(axis=1)
+    before = table.whole_cells()
+    np.testing.assert_allclose(before - before[:, :1], expected, rtol=1e-9, atol=1e-12 * cells.sum())
+    bounds = np.array([[0, 3, 0, 5], [2, environment.height - 1, 1, environment.width]])
+    corners = [[[before[y, x] for x in b[2:]] for y in b[:2]] for b in bounds]
+    np.testing.assert_allclose(table.corners(bounds), corners)
     assert table.total == pytest.approx(cells.sum())
 
 

@@ -66,15 +66,25 @@ class EnergyTable:
         """∫ luminance dω over the sphere."""
         return float(self.sums[-1, self.width])
 
-    def before(self, y: NDArray[np.int64], x: NDArray[np.int64]) -> NDArray[np.float64]:
-        """∫ luminance dω over [0, x] x [0, y], whole cells, up to a function of y alone."""
-        flat, stride = self.sums.ravel(), self.sums.shape[1]
-        first = y * stride + x
-        upper = flat[first] + flat[first + 1]
-        first += stride
-        lower = flat[first] + flat[first + 1]
-        lower -= upper
-        lower *= self.above[y]
-        upper += lower
-        upper /= 2
-        return upper
+    def whole_cells(self) -> NDArray[np.float64]:
+        """∫ luminance dω over [0, x] x [0, y] for whole x and y, up to a function of y alone: entry (y, x), (H, W + 1)."""
+        height, width = self.height, self.width
+        before = np.empty((height, width + 1))
+        for first in range(0, height, _ROWS):
+            last = min(first + _ROWS, height)
+            # Half of the hat of column x lies before it, and the part ``above`` of that of row y.
+            pairs = self.sums[first : last + 1, :-2] + self.sums[first : last + 1, 1:-1]
+            rows = before[first:last]
+            np.subtract(pairs[1:], pairs[:-1], out=rows)
+            rows *= self.above[first:last, None]
+            rows += pairs[:-1]
+            rows /= 2
+        return before
+
+    def corners(self, bounds: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The same at the corners of the rectangles ``bounds`` (N, 4; y0, y1, x0, x1): (N, 2, 2), by y and x."""
+        y, x = bounds[:, :2, None], bounds[:, None, 2:]
+        upper = self.sums[y, x] + self.sums[y, x + 1]
+        lower = self.sums[y + 1, x] + self.sums[y + 1, x + 1]
+        corners: NDArray[np.float64] = (upper + self.above[y] * (lower - upper)) / 2
+        return corners

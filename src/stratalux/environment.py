@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .envmap import EnvironmentMap, clean
 from .errors import InputError
 
-T = TypeVar("T")
+T = TypeVar("T", covariant=True)
 
 
 class MapLight(Generic[T]):

@@ -1,4 +1,4 @@
-"""The map cut into many rectangles of exactly equal energy, anywhere between texels: the leaves of a median cut (Dr.Jit).
+"""Rectangles of exactly equal energy, cut anywhere between texels: the leaves of a median cut (Dr.Jit).
 
 A direction drawn uniformly inside a random leaf has the density of the map, without any search, and leaves that follow
 each other in the order of the tree of cuts are neighbours on the sphere: strata of any size are ranges of leaves.
@@ -26,8 +26,6 @@ much more light than the leaf's share."""
 _NODE = 8
 """Numbers that describe a rectangle: x0, y0, x1, y1; the energy before (x0, y0), (x1, y0), (x0, y1) and (x1, y1)."""
 _PROFILE = 8
-_LANES = 1 << 16
-"""At least; unused ones cost less than a kernel of another size."""
 _FIRST = 11
 """Levels of one tree that a lane walks through by itself, from the root, before it makes use of others' cuts."""
 
@@ -49,7 +47,7 @@ def cut_regions(table: EnergyTable, bounds: NDArray[np.int64] | None, depth: int
     """The same for each of N rectangles of whole cells, or for the map if ``bounds`` is None.
 
     ``bounds`` (N, 4): y0, y1, x0, x1, as in :class:`stratalux.regions.Regions`. Returned are, for each of the N 2^depth
-    leaves, region after region, :data:`_NODE` numbers, of which the first four are x0, y0, x1 and y1.
+    leaves, region after region, :data:`_NODE` numbers, of which the first four are x0, y0, x1 and y1; others may follow.
     """
     if not 0 <= depth <= 24:
         raise InputError(f"depth of the leaves: {depth} is out of range; give 0 to 24")
@@ -59,23 +57,21 @@ def cut_regions(table: EnergyTable, bounds: NDArray[np.int64] | None, depth: int
     if depth == 0:
         return mi.Float64(roots.ravel())
     count = len(roots)
-    lanes = max(_LANES, 1 << (count * (1 << depth) // 2 - 1).bit_length())
-    nodes, halves = (dr.empty(mi.Float64, 2 * _NODE * lanes) for _ in range(2))
-    dr.scatter(nodes, mi.Float64(roots.ravel()), dr.arange(mi.UInt32, roots.size))
-    lane = dr.arange(mi.UInt32, lanes)
+    nodes = mi.Float64(roots.ravel())
     sums, profile = mi.Float64(table.sums.ravel()), mi.Float64(_profile(table).ravel())
     floor, height, width = mi.Float64(_floor(table)), mi.UInt32(table.height), mi.UInt32(table.width)
-    dr.make_opaque(nodes, lane, floor, height, width)
+    dr.make_opaque(nodes, floor, height, width)
     levels = max(1, min(_FIRST - (count - 1).bit_length(), depth))
     while depth:
         count <<= levels
         depth -= levels
+        lane = dr.arange(mi.UInt32, 1 << (count // 2 - 1).bit_length())  # few sizes, as each is recorded anew
+        halves = dr.empty(mi.Float64, 2 * _NODE * len(lane))
         used, steps = mi.UInt32(count // 2), mi.UInt32(levels)
-        dr.make_opaque(used, steps)
+        dr.make_opaque(lane, used, steps)
         _frozen(mi.variant())(sums, profile, floor, height, width, nodes, halves, lane, used, steps)
-        nodes, halves = halves, dr.empty(mi.Float64, 2 * _NODE * lanes)
-        levels = 1
-    return dr.gather(mi.Float64, nodes, dr.arange(mi.UInt32, _NODE * count))
+        nodes, levels = halves, 1
+    return nodes
 
 
 @cache
@@ -90,15 +86,9 @@ def _floor(table: EnergyTable) -> float:
 
 
 def _roots(table: EnergyTable, bounds: NDArray[np.int64]) -> NDArray[np.float64]:
-    y0, y1, x0, x1 = bounds.T
-    cumulative = np.append(0, np.cumsum(table.row))
-    floor = _floor(table)
-
-    def before(y: NDArray[np.int64], x: NDArray[np.int64]) -> NDArray[np.float64]:
-        rows: NDArray[np.float64] = cumulative[y] + table.above[y] * table.row[y]
-        return table.before(y, x) + floor * rows * (x + 0.5)
-
-    return np.stack([x0, y0, x1, y1, *(before(y, x) for y in (y0, y1) for x in (x0, x1))], axis=1)
+    rows = np.append(0, np.cumsum(table.row[:-1])) + table.above * table.row  # steradians before y, of a column
+    energy = table.corners(bounds) + _floor(table) * rows[bounds[:, :2, None]] * (bounds[:, None, 2:] + 0.5)
+    return np.concatenate([bounds[:, [2, 0, 3, 1]], energy.reshape(-1, 4)], axis=1)
 
 
 def energy_to_cut(table: EnergyTable, bounds: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -182,7 +172,7 @@ def _cut(
     used: mi.UInt32,
     levels: mi.UInt32,
 ) -> None:
-    """The last of ``levels`` generations of cuts below ``nodes``: both halves of the rectangle number ``lane`` there."""
+    """The last of ``levels`` generations of cuts below ``nodes``: there, both halves of rectangle number ``lane``."""
     active = lane < used
     parent = lane >> (levels - 1)
     x0, y0, x1, y1 = dr.gather(mi.Vector4d, nodes, 2 * parent, active)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .energy_table import EnergyTable
 from .envmap import EnvironmentMap
 from .errors import InputError
 from .regions import Regions
@@ -26,7 +25,7 @@ def median_cut(environment: EnvironmentMap, n: int) -> Regions:
     """
     if n < 1:
         raise InputError(f"number of regions: {n} is too few; give at least 1")
-    table = environment.energy_table
+    table = environment.energy_table.whole_cells()
     height, width = environment.height, environment.width
     bounds = np.array([[0, height - 1, 0, width]], dtype=np.int64)
     closed = np.zeros(1, dtype=bool)  # regions known to be uncuttable
@@ -44,13 +43,13 @@ def median_cut(environment: EnvironmentMap, n: int) -> Regions:
     return Regions(bounds, np.maximum(_energy(table, bounds), 0), (height, width))
 
 
-def _energy(table: EnergyTable, bounds: NDArray[np.int64]) -> NDArray[np.float64]:
-    corners = table.before(bounds[:, [1, 1, 0, 0]], bounds[:, [3, 2, 3, 2]]).T
-    return (corners[0] - corners[1]) - (corners[2] - corners[3])
+def _energy(table: NDArray[np.float64], bounds: NDArray[np.int64]) -> NDArray[np.float64]:
+    y0, y1, x0, x1 = bounds.T
+    return table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0]
 
 
 def _cut(
-    table: EnergyTable, bounds: NDArray[np.int64], shape: tuple[int, int]
+    table: NDArray[np.float64], bounds: NDArray[np.int64], shape: tuple[int, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
     """Both halves of each region, and whether it could be cut at all."""
     y0, y1, x0, x1 = bounds.T
@@ -71,7 +70,7 @@ def _cut(
 
 
 def _best_cut(
-    table: EnergyTable, bounds: NDArray[np.int64], vertical: NDArray[np.bool_]
+    table: NDArray[np.float64], bounds: NDArray[np.int64], vertical: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Where to cut each region along the given axis so that the energies of the halves differ least.
 
@@ -80,19 +79,19 @@ def _best_cut(
     """
     y0, y1, x0, x1 = bounds.T
     low, high = np.where(vertical, x0, y0), np.where(vertical, x1, y1)
-    noise = _NOISE * table.total
+    noise = _NOISE * (table[-1, -1] - table[-1, 0])
     total = _energy(table, bounds)
-    # A cut moves along the far side of the rectangle (its lower row, or its right column) and along the near one.
-    sides = np.stack([np.where(vertical, y1, x1), np.where(vertical, y0, x0)])
 
-    def passed(at: NDArray[np.int64]) -> NDArray[np.float64]:
-        ends = table.before(np.where(vertical, sides, at), np.where(vertical, at, sides))
-        return ends[0] - ends[1]
-
-    outside = passed(low)
+    # The energy before a cut needs two entries of the table that move with it and a constant: the far side of the
+    # rectangle (its lower row, or its right column), the near one, and their difference at the beginning.
+    flat, row = table.ravel(), table.shape[1]
+    step = np.where(vertical, 1, row)
+    far, near = np.where(vertical, y1 * row, x1), np.where(vertical, y0 * row, x0)
+    outside = flat[far + low * step] - flat[near + low * step]
 
     def before(at: NDArray[np.int64]) -> NDArray[np.float64]:
-        return passed(at) - outside
+        moved = at * step
+        return flat[far + moved] - flat[near + moved] - outside
 
     below, reached = low.copy(), high.copy()
     while np.any(reached - below > 1):

@@ -50,6 +50,7 @@ def test_the_page_names_the_machine_and_every_case(result: BenchResult) -> None:
     assert page.endswith("\n") and "a machine, 2 core(s)" in page and "mitsuba 3.9.1" in page
     for row in ("| surfaces | **1.00** | 2.00 | - | 0.50 | - |", "| buddha | diffuse | grace | 1, 4, 16, 64 |", "8.00"):
         assert row in page
+    assert "| 32x16 | 1 s | 1 s | 1 s | 1 s | - | 1.5 | 3.5 | 6.3 MB | 3.1 MB | 1e+03 ms | 1e+03 ms |" in page
     widths = [{line.count("|") for line in block.splitlines()} for block in page.split("\n\n") if block[0] == "|"]
     assert widths and all(len(width) == 1 for width in widths)
 

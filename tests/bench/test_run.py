@@ -40,6 +40,8 @@ def test_a_run_measures_everything_and_resumes(tmp_path: Path) -> None:
     assert len(case.ours.points) == 3 and all(len(record.points) >= 3 for record in case.theirs)
     assert all(len(point.seconds.values) >= TINY.repeats for point in case.ours.points)
     assert result.floor["ratio"]["median"] > 0 and result.preparation[0]["map_bytes"] == 32 * 16 * 12
+    assert result.preparation[0]["table_bytes"]["ours"] == 48 << 16
+    assert result.preparation[0]["table_bytes"]["pinned"] > 0
 
     again = bench.run(TINY, **options)
     assert again.about["resumed"] == 3 and again.cases == result.cases

@@ -106,14 +106,16 @@ def _preparation(result: BenchResult) -> str:
         rows.append(
             [
                 f"{one['width']}x{one['height']}",
-                str(one["strata"]),
-                *(seconds[name] for name in ("ours", "mitsuba_array", "mitsuba_file")),
-                *(peak[name] for name in ("ours", "mitsuba_array")),
+                *(seconds[name] for name in ("ours", "pinned", "mitsuba_array", "mitsuba_file")),
+                *(peak[name] for name in ("ours", "pinned", "mitsuba_array")),
+                *(f"{one['table_bytes'][name] / 1e6:.1f} MB" for name in ("ours", "pinned")),
                 *(each[name] for name in ("ours", "direct")),
             ]
         )
-    heads = ["map", "strata", "ours, on top", "Mitsuba's `envmap`", "the same from .hdr"]
-    heads += ["ours: peak bytes per byte of map", "Mitsuba's", "a sample per pixel, ours", "`direct` 1+0"]
+    regions = ", ".join(dict.fromkeys(f"{one['strata']:,}" for one in result.preparation))
+    heads = ["map", "ours, on top", f"{regions} regions of the paper's scheme", "Mitsuba's `envmap`"]
+    heads += ["the same from .hdr", "peak bytes per byte of map, ours", "regions", "Mitsuba's"]
+    heads += ["tables, ours", "regions", "a sample per pixel, ours", "`direct` 1+0"]
     compiling = [case.compile_seconds for case in result.cases]
     text = table(heads, rows)
     if compiling:

@@ -1,5 +1,7 @@
 """What comes before the first ray: our tables against Mitsuba's own construction of its ``envmap``, by size of the map.
 
+Ours are those that one gets by default, and those of the paper's scheme with many regions (``pinned``).
+
 Each size is measured in a process of its own, whose peak of memory is then that of one thing at a time. Linux alone
 tells it; elsewhere the memory is null.
 """
@@ -13,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -89,18 +92,22 @@ def _measure(width: int, height: int, strata: int, repeats: int, folder: Path) -
     from ..variants import choose_variant
 
     choose_variant()
+    from ..integrators.light_samples import SharedLight  # integrators derive from the variant's own classes
+
     mi.set_log_level(mi.LogLevel.Error)
     technique, given = parse_technique(OURS.technique)
-    prepared = {**given, "strata": strata}
+    ways = {"ours": given, "pinned": {**given, "strata": strata}}
     # Imports and kernels are not what is measured.
-    mi.load_dict(technique.integrator(prepared)).prepare(_scene({"type": "envmap", "bitmap": _bitmap(64, 32)}))
+    for way in ways.values():
+        mi.load_dict(technique.integrator(way)).prepare(_scene({"type": "envmap", "bitmap": _bitmap(64, 32)}))
     texels = synthetic_map(width, height)
     size = texels.nbytes
     path = folder / "map.hdr"
     mi.Bitmap(texels).write(str(path))
 
-    seconds: dict[str, list[float]] = {"mitsuba_array": [], "mitsuba_file": [], "ours": []}
-    memory: dict[str, list[int | None]] = {"mitsuba_array": [], "ours": []}
+    seconds: dict[str, list[float]] = {name: [] for name in ("mitsuba_array", "mitsuba_file", *ways)}
+    memory: dict[str, list[int | None]] = {name: [] for name in ("mitsuba_array", *ways)}
+    tables: dict[str, int] = {}
     scene: Any = None
     for _ in range(repeats):
         scene = None  # one map at a time
@@ -113,10 +120,14 @@ def _measure(width: int, height: int, strata: int, repeats: int, folder: Path) -
         memory["mitsuba_array"].append(watch.peak())
 
         scene = _scene(emitter)
-        integrator = mi.load_dict(technique.integrator(prepared))
-        watch = _Memory()
-        seconds["ours"].append(_seconds(lambda: integrator.prepare(scene))[0])  # noqa: B023
-        memory["ours"].append(watch.peak())
+        for name, way in ways.items():
+            integrator = mi.load_dict(technique.integrator(way))
+            watch = _Memory()
+            elapsed, light = _seconds(partial(integrator.prepare, scene))
+            seconds[name].append(elapsed)
+            memory[name].append(watch.peak())
+            tables[name] = light.tables.bytes + SharedLight.BYTES * light.tables.count
+            integrator = light = None
 
     integrators = {
         "ours": mi.load_dict(technique.integrator(given)),
@@ -138,6 +149,7 @@ def _measure(width: int, height: int, strata: int, repeats: int, folder: Path) -
         "peak_bytes_per_byte": {
             name: None if values[0] is None else values[0] / size for name, values in memory.items()
         },
+        "table_bytes": tables,
         "seconds_per_spp": {name: spread_json(Spread(tuple(values))) for name, values in sample.items()},
         "film": list(_FILM),
     }

@@ -2,7 +2,7 @@
 
 ``results.json`` (numbers that do not exist are null; a *spread* is ``median``, ``min``, ``max``, ``values``):
 
-- ``format``: "stratalux-bench"; ``format_version``: 1; ``date``: UTC, ISO 8601, of the end; ``machine``: one line;
+- ``format``: "stratalux-bench"; ``format_version``: 2; ``date``: UTC, ISO 8601, of the end; ``machine``: one line;
   ``variant``; ``versions``: by name; ``source_sha256``: of the code that was measured; ``suite``: its name;
   ``resumed``: steps whose results an earlier, interrupted run had left.
 - ``ours``: the configuration measured (``technique``, ``sampler``, ``label``, ``rays``, ``compensated``).
@@ -26,8 +26,10 @@
 - ``floor``: ``rays_seconds`` of bare shadow rays and ``stratified_seconds`` of ``integrator`` with as many, spreads in
   seconds, and their ``ratio``, a spread; ``case``, ``size``, ``spp``, ``sampler``, ``rays_per_sample``.
 - ``preparation``: a list with ``width``, ``height``, ``strata``, ``map_bytes``, ``film``; ``seconds`` of
-  ``mitsuba_array`` and ``mitsuba_file`` (its envmap built from memory and from a .hdr file) and of ``ours`` (what we
-  add), spreads; ``peak_bytes_per_byte`` of the map, of working memory; ``seconds_per_spp`` of ``ours`` and ``direct``.
+  ``mitsuba_array`` and ``mitsuba_file`` (its envmap built from memory and from a .hdr file), and of what we add:
+  ``ours`` (the default) and ``pinned`` (the paper's scheme with ``strata`` regions), spreads; ``peak_bytes_per_byte``
+  of the map, of working memory; ``table_bytes`` of ``ours`` and ``pinned``: the leaves, and the samples that a launch
+  makes of them; ``seconds_per_spp`` of ``ours`` and ``direct``.
 """
 
 from __future__ import annotations
@@ -47,7 +49,7 @@ from .race import geometric_mean
 from .records import REGIONS, CaseResult
 
 FORMAT = "stratalux-bench"
-VERSION = 1
+VERSION = 2
 
 
 @dataclass(frozen=True)

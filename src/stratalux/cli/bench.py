@@ -134,8 +134,11 @@ def _print(result: BenchResult) -> None:
         f"({floor['ratio']['min']:.2f}-{floor['ratio']['max']:.2f})"
     )
     for one in result.preparation:
-        ours, array, file = (one["seconds"][name]["median"] for name in ("ours", "mitsuba_array", "mitsuba_file"))
+        names = ("ours", "pinned", "mitsuba_array", "mitsuba_file")
+        ours, pinned, array, file = (one["seconds"][name]["median"] for name in names)
+        megabytes = one["table_bytes"]["ours"] / 1e6
         console.print(
-            f"preparation, {one['width']}x{one['height']}: ours {ours:.3g} s on top of Mitsuba's {array:.3g} s from "
-            f"memory, {file:.3g} s from a file"
+            f"preparation, {one['width']}x{one['height']}: ours {ours:.3g} s ({megabytes:.1f} MB), {one['strata']} "
+            f"regions of the paper's scheme {pinned:.3g} s, on top of Mitsuba's {array:.3g} s from memory, "
+            f"{file:.3g} s from a file"
         )

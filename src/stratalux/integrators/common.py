@@ -84,9 +84,10 @@ class MisWithBsdf:
     """The balance heuristic between the samples that a technique takes of the map and K samples of the BSDF.
 
     ``density(ω, L)`` is the expected number of map samples per steradian, the sum of the pdfs of all of them, or
-    something like it that depends on ω alone; ω is in the map's frame, and L the radiance from there. A map sample counts with weight density / (density + K p_b) and a BSDF sample contributes
-    L f cos / (density + K p_b), where p_b is the BSDF's pdf (Veach and Guibas 1995, the multi-sample model). As the
-    weights depend on the direction alone, they stay right where the map sample is the survivor of a resampling.
+    something like it that depends on ω alone; ω is in the map's frame, and L the radiance from there. A map sample
+    counts with weight density / (density + K p_b) and a BSDF sample contributes L f cos / (density + K p_b), where p_b
+    is the BSDF's pdf (Veach and Guibas 1995, the multi-sample model). As the weights depend on the direction alone,
+    they stay right where the map sample is the survivor of a resampling.
     Delta lobes take no part: they are left to :class:`OtherEmitters`.
     """
 

@@ -68,8 +68,10 @@ class DirectStratified(DirectIntegrator):
     With M = 1 it is plain importance sampling of each region.
 
     The density p_i is that of leaves of equal energy that the region is cut into (:mod:`stratalux.leaves`): a proposal
-    is a random leaf and a point in it. That point is drawn once for all pixels of a launch, with a seed of its own, so
-    a proposal is one look-up; spectral variants, where it depends on the wavelengths, draw it anew.
+    is a leaf and a point in it. One random number chooses the leaves of all M proposals, each from another M-th of the
+    region, which changes nothing in the sum above, and another one the survivor. The point in a leaf is drawn once for
+    all pixels of a launch, with a seed of the launch, so that a proposal is one look-up; spectral variants, where the
+    radiance depends on the wavelengths, draw it anew.
 
     The paper holds that samples of regions cannot be combined with BSDF samples, being of another domain. They can: any
     direction ω lies in exactly one region, from which one sample is drawn with pdf p_i(ω), so the regions together are
@@ -113,7 +115,7 @@ class DirectStratified(DirectIntegrator):
         active: mi.Bool,
     ) -> mi.Spectrum:
         mis = MisWithBsdf(self.bsdf_samples)
-        regions = Proposals(light, mis, sampler, si, bsdf)
+        proposals = Proposals(light, mis, sampler, si, bsdf)
         N = dr.opaque(mi.UInt32, len(light.tables.regions))
         M = dr.opaque(mi.UInt32, self.proposals)
 
@@ -122,22 +124,27 @@ class DirectStratified(DirectIntegrator):
         while active & (i < N):
             if dr.hint(self.proposals == 1, mode="scalar"):
                 # The only proposal is kept: f / q · q / p is f / p.
-                y, L_ns = regions.draw(i, sampler.next_1d(active), active)
+                y, L_ns = proposals.draw(i, sampler.next_1d(active), active)
                 lit = active & (target(L_ns) > 0)
             else:
-                w_sum = mi.Float(0)  # Σ_j w_ij of the proposals so far
-                w_y = mi.Float(1)  # Weight of the proposal that is kept
+                u = sampler.next_2d(active)
+                ξ = u.y  # Which proposal is kept, of those so far
+                w_sum = mi.Float(0)  # Σ_j w_ij of them
+                w_y = mi.Float(1)  # Weight of the one that is kept
                 y = mi.Vector3f(0)  # Its direction
                 g_p = mi.Spectrum(0)  # Its (L f cos) / p
                 j = mi.UInt32(0)  # Index of the proposal
                 while active & (j < M):
                     # ------- (3): keep it with probability w_ij / Σ_j w_ij --------
-                    u = sampler.next_2d(active)
-                    d, g = regions.draw(i, u.x, active)
+                    d, g = proposals.draw(i, (u.x + mi.Float(j)) / mi.Float(M), active)
                     w = dr.maximum(target(g), 0)
                     w_sum += w
-                    keep = u.y * w_sum < w
+                    ξ *= w_sum
+                    keep = ξ < w
                     y, g_p, w_y = dr.select(keep, d, y), dr.select(keep, g, g_p), dr.select(keep, w, w_y)
+                    # What is left of the random number is uniform again.
+                    share = dr.select(keep, w, w_sum - w)
+                    ξ = dr.select(share > 0, dr.select(keep, ξ, ξ - w) / share, u.y)
                     j += 1
                 lit = active & (w_sum > 0)
                 L_ns = g_p * (w_sum / (w_y * mi.Float(M)))
@@ -148,7 +155,7 @@ class DirectStratified(DirectIntegrator):
             i += 1
 
         if dr.hint(self.bsdf_samples > 0, mode="scalar"):
-            L_o += mis.bsdf_samples(scene, light, regions.density_towards, sampler, si, bsdf, active)
+            L_o += mis.bsdf_samples(scene, light, proposals.density_towards, sampler, si, bsdf, active)
         return L_o
 
     def to_string(self) -> str:
@@ -170,7 +177,8 @@ class Proposals:
         bsdf: mi.BSDFPtr,
     ) -> None:
         self._light, self._mis, self._sampler, self._si, self._bsdf = light, mis, sampler, si, bsdf
-        self._samples = (FreshLight if mi.is_spectral else SharedLight)(light, launch_seed(sampler))
+        make = FreshLight if mi.is_spectral else SharedLight
+        self._samples = make(light, launch_seed(sampler))
         self._leaves = dr.opaque(mi.UInt32, 1 << light.tables.depth)
 
     def draw(self, i: mi.UInt32, u: mi.Float, active: mi.Bool) -> tuple[mi.Vector3f, mi.Spectrum]:
@@ -178,9 +186,9 @@ class Proposals:
 
         ``u`` chooses the leaf.
         """
-        leaf = i * self._leaves + mi.UInt32(u * mi.Float(self._leaves))
+        leaf = i * self._leaves + dr.minimum(mi.UInt32(u * mi.Float(self._leaves)), self._leaves - 1)
         inside = mi.UInt32(0)
-        if self._samples.fresh:
+        if isinstance(self._samples, FreshLight):
             v = self._sampler.next_2d(active) * 65536
             inside = mi.UInt32(v.x) << 16 | mi.UInt32(v.y)
         d, luminance, L_p = self._samples.draw(leaf, inside, self._si, active)

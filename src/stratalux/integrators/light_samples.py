@@ -20,8 +20,6 @@ def launch_seed(sampler: mi.Sampler) -> mi.UInt32:
 class FreshLight:
     """Samples of the map, each drawn inside its leaf anew."""
 
-    fresh = True
-
     def __init__(self, light: MapLight[LeafSampler], seed: mi.UInt32) -> None:
         self._light, self._seed = light, seed
 
@@ -42,7 +40,8 @@ class SharedLight:
     A pixel uses few of them, so it hardly matters that others use the same. For RGB and mono variants.
     """
 
-    fresh = False
+    BYTES = 32
+    """Of each sample."""
 
     def __init__(self, light: MapLight[LeafSampler], seed: mi.UInt32) -> None:
         leaf = dr.arange(mi.UInt32, light.tables.count)
