@@ -16,6 +16,7 @@ import pytest
 from stratalux import InputError
 from stratalux.assets import Assets
 from stratalux.bench import BenchResult, Case
+from stratalux.bench import run as run_benchmark
 from stratalux.bench.markdown import markdown
 from stratalux.bench.peers import worker
 from stratalux.bench.peers.measure import PEER_SPP, measure_peers, plateau_of
@@ -118,6 +119,14 @@ def test_missing_packages_take_one_line(
 
 def test_packages_are_found_with_their_versions(fakes: Path) -> None:
     assert find_peers() == {"numpy": np.__version__}
+
+
+def test_a_graphics_card_does_not_race_against_processors(
+    fakes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.modules["stratalux.bench.run"], "choose_variant", lambda variant: "cuda_ad_rgb")
+    with pytest.raises(InputError, match="--peers: the others render on the CPU, cuda_ad_rgb would not"):
+        run_benchmark(TINY, assets=make_assets(tmp_path / "assets"), folder=tmp_path / "out", peers=True)
 
 
 def test_records_and_pages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

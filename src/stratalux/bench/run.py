@@ -66,6 +66,8 @@ def run(
     packages = find_peers(peers_python) if peers else {}
     _check(suite, assets, folder)
     variant = choose_variant(variant)
+    if peers and not variant.startswith("llvm"):
+        raise InputError(f"--peers: the others render on the CPU, {variant} would not; add -m llvm_ad_rgb")
     mi.set_log_level(mi.LogLevel.Error)
     common = {
         "format": [FORMAT, VERSION],
