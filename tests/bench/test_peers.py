@@ -121,6 +121,28 @@ def test_packages_are_found_with_their_versions(fakes: Path) -> None:
     assert find_peers() == {"numpy": np.__version__}
 
 
+def test_a_run_measures_the_peers_after_the_cases_and_resumes(
+    fakes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = sys.modules["stratalux.bench.run"]
+    made_up, asked = bench_result(), []
+
+    def measured(case: Case, *_: object, python: str | None, **__: object) -> PeersResult:
+        asked.append((case.name, python))
+        return peers_result()
+
+    monkeypatch.setattr(module, "measure_case", lambda *_, **__: made_up.cases[0])
+    monkeypatch.setattr(module, "measure_floor", lambda *_: made_up.floor)
+    monkeypatch.setattr(module, "measure_preparation", lambda *_: made_up.preparation[0])
+    monkeypatch.setattr(module, "measure_peers", measured)
+    options = {"assets": make_assets(tmp_path / "assets"), "folder": tmp_path / "out", "variant": "llvm_ad_rgb"}
+    for _ in range(2):
+        result = run_benchmark(TINY, **options, peers=True, peers_python=sys.executable)
+        assert result.peers == (peers_result(),) and BenchResult.read(tmp_path / "out/results.json") == result
+    assert asked == [("buddha-diffuse-grace", sys.executable)]
+    assert run_benchmark(TINY, **options).peers == ()
+
+
 def test_a_graphics_card_does_not_race_against_processors(
     fakes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,7 +6,7 @@ of the object and of the ground; ``camera`` (4, 4): columns left, up, forward an
 field of view along the shorter side; ``size``: (width, height) of the film in pixels; ``threads``.
 
 ``map.exr``: the radiance, scaled, and upright with z as up. The direction d is found in column
-W·(½ − atan2(d.y, d.x)/2π), as Blender has it.
+W·(½ − atan2(d.y, d.x)/2π), as Blender has it. ``mirrored.exr``: the same in column W·atan2(d.y, d.x)/2π.
 """
 
 from __future__ import annotations
@@ -60,7 +60,8 @@ def export(case: Case, setting: Setting, assets: Assets, folder: Path) -> None:
     )
     texels = EnvironmentMap.load(assets.require(case.map)).texels
     texels = np.float32(setting.scale) * (turned(texels) if case.map in FLIPPED else texels)
-    mi.Bitmap(np.ascontiguousarray(texels)).write(str(folder / "map.exr"))
+    for name, content in (("map", texels), ("mirrored", mirrored(texels))):
+        mi.Bitmap(np.ascontiguousarray(content)).write(str(folder / f"{name}.exr"))
 
 
 def z_up(points: NDArray[Any]) -> NDArray[Any]:
@@ -73,7 +74,12 @@ def turned(texels: NDArray[np.float32]) -> NDArray[np.float32]:
 
     (x, y, z) goes to (x, −y, −z): rows change their order, and the azimuth φ becomes π − φ.
     """
-    return np.roll(texels[::-1, ::-1], texels.shape[1] // 2, axis=1)
+    return mirrored(texels[::-1])
+
+
+def mirrored(texels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A map (H, W, 3) in which column u, in [0, 1), is what was column ½ − u."""
+    return np.roll(texels[:, ::-1], texels.shape[1] // 2, axis=1)
 
 
 def _disk() -> tuple[NDArray[np.float32], NDArray[np.int32]]:
