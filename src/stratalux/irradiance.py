@@ -36,8 +36,7 @@ def clamped_cosine() -> _Float:
     series = np.zeros(max(DEGREES) + 1)
     for degree, A in zip(DEGREES, zonal_coefficients(), strict=True):
         series[degree] = (2 * degree + 1) / (4 * np.pi) * A
-    polynomial: _Float = np.polynomial.legendre.leg2poly(series)
-    return polynomial
+    return np.asarray(np.polynomial.legendre.leg2poly(series), dtype=np.float64)
 
 
 def irradiance_coefficients(texels: NDArray[np.float32]) -> dict[int, _Float]:

@@ -145,9 +145,9 @@ class Automatic(AutomaticSample):
         parts = min(PARTS, few)
         pilot = _Pilot(view, few, parts)
         dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
-        for done in pilot.passes(seed, dim):
-            if done < few:
-                yield pilot.image(0), done
+        for rendered in pilot.passes(seed, dim):
+            if rendered < few:
+                yield pilot.image(0), rendered
         if few == 1:
             yield pilot.image(0), 1.0
             return
@@ -205,7 +205,7 @@ class _View:
         expected: mi.Float,
         shared: mi.UInt32 | None,
     ) -> _Lanes:
-        """``number`` samples of each pixel, from the ``first`` on; ``expected`` has an entry for each, or one for all."""
+        """``number`` samples of each pixel, from the ``first`` on; ``expected`` is one for each, or one for all."""
         pixel = mi.UInt32(np.repeat(np.arange(self.pixels, dtype=np.uint32), number))
         before = np.cumsum(number) - number - first  # the first lane of a pixel, less the index of its sample
         index = dr.arange(mi.UInt32, dr.width(pixel)) - dr.gather(mi.UInt32, _unsigned(before), pixel)

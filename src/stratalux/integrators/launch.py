@@ -47,10 +47,10 @@ class Launcher:
         expected: mi.Float,
         shared: mi.UInt32 | None,
     ) -> _Samples:
-        """Of sample ``index`` of each ``pixel``: radiance, the variate's difference, alpha, place on the film in pixels.
+        """Of sample ``index`` of each ``pixel``: radiance, difference of the variate, alpha, and place in pixels.
 
-        ``seed``: of the points of all pixels, opaque. ``expected``: luminance of each pixel, or one for all. ``shared``:
-        seed of the samples of the map that all lanes share; None where each is to have its own.
+        ``seed``: of the points of all pixels, opaque. ``expected``: luminance at each lane, or one for all.
+        ``shared``: seed of the samples of the map that all lanes share; None where each is to have its own.
         """
         self._light, self._others = light, OtherEmitters(self.scene, True)
         size = self.sensor.film().crop_size()

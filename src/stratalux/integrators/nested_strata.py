@@ -157,7 +157,7 @@ class NestedStrata:
                     H += L * MatteVariate.cosine(dr.dot(normal, d))
                 k += 1
 
-        if dr.hint(varied, mode="scalar"):
+        if self.variate is not None and self.allocation.any_matte:
             integral = self.variate.integral(light.from_world(normal)) * light.scale
             self.points.difference = albedo * (integral - H)
         return L_o

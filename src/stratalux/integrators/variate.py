@@ -20,9 +20,9 @@ class MatteVariate:
     """
 
     def __init__(self, texels: NDArray[np.float32]) -> None:
-        self._coefficients = {
-            k: mi.Spectrum(value[: dr.size_v(mi.Spectrum)].tolist()) for k, value in irradiance_coefficients(texels).items()
-        }
+        channels = dr.size_v(mi.Spectrum)
+        coefficients = irradiance_coefficients(texels)
+        self._coefficients = {k: mi.Spectrum(value[:channels].tolist()) for k, value in coefficients.items()}
         dr.make_opaque(self._coefficients)
 
     def arrays(self) -> tuple[mi.Spectrum, ...]:
