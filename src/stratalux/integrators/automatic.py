@@ -27,10 +27,8 @@ _Pixels = NDArray[np.float32]
 
 LAUNCH = 1 << 21
 """Camera samples of one launch, about: a second on two cores."""
-PILOT_FROM = 4
-"""Samples per pixel from which a pilot pays."""
 PARTS = 4
-"""Of a pilot, whose differences tell its error; two where it has only two samples."""
+"""Of a pilot, whose differences tell its error."""
 DIM = 0.15
 """Of the map's mean radiance: surfaces darker than that are not thought to be looked at for their noise."""
 
@@ -141,16 +139,13 @@ class Automatic(AutomaticSample):
         seed = mi.UInt32(seed)
         dr.make_opaque(seed)  # or every value would be compiled into a kernel of its own
 
-        few = spp if spp < PILOT_FROM else _pilot(spp)
+        few = _pilot(spp)
         parts = min(PARTS, few)
         pilot = _Pilot(view, few, parts)
         dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
         for rendered in pilot.passes(seed, dim):
             if rendered < few:
                 yield pilot.image(0), rendered
-        if few == 1:
-            yield pilot.image(0), 1.0
-            return
         plan = pilot.plan(dim, spp)
         yield pilot.image(plan.share), float(few)
         if few == spp:
@@ -273,7 +268,7 @@ class _Pilot:
 
 def _pilot(spp: int) -> int:
     """Samples of a pilot for ``spp`` in all, a power of two."""
-    return max(2, (1 << spp.bit_length()) >> 4)
+    return max(1, (1 << spp.bit_length()) >> 4)
 
 
 def _unsigned(numbers: NDArray[np.int64]) -> mi.UInt32:
