@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import drjit as dr
@@ -56,7 +58,8 @@ class Launcher:
         size = self.sensor.film().crop_size()
         width, extent = mi.UInt32(int(size[0])), mi.Vector2f(float(size[0]), float(size[1]))
         dr.make_opaque(width, extent)
-        return self._replayed(self.scene, self.sensor, width, extent, pixel, index, seed, expected, shared)
+        with _no_garbage_collection():
+            return self._replayed(self.scene, self.sensor, width, extent, pixel, index, seed, expected, shared)
 
     def _samples(
         self,
@@ -90,6 +93,18 @@ class Launcher:
         assert light is not None and others is not None
         arrays = light.arrays(), light.tables.arrays(), self.integrator.arrays(), others.arrays()
         return arrays, light.tables.depth, self.integrator.hide_emitters, (*_constants(scene), *_constants(sensor))
+
+
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """A scene that is freed while a function is recorded aborts the process (Dr.Jit 1.5.0)."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def _constants(part: mi.Object) -> Iterator[Hashable]:

@@ -8,7 +8,7 @@ import mitsuba as mi
 _DIRECTIONS = 256
 """Test directions for each surface."""
 
-_SHARES = ((0.22, 16, 0, True), (0.32, 8, 4, True), (3.0, 16, 2, False), (float("inf"), 4, 6, False))
+_SHARES = ((0.22, 16, 0, True), (0.32, 4, 2, True), (3.0, 4, 4, False), (float("inf"), 2, 3, False))
 """Concentration in sr⁻¹ up to which a row holds, light samples, BSDF samples, and whether it has a matte part that is
 worth a control variate. A diffuse surface has 0.2 sr⁻¹, a plastic
 with a gloss of 0.14 has 0.26, a GGX conductor of roughness 0.14 has 1.3 and of roughness 0.05 has 9."""

@@ -147,8 +147,8 @@ class NestedStrata:
                 bs, weight = bsdf.sample(ctx, si, u_lobe, sobol_2d(first + k, seed), active)
                 found = active & (bs.pdf > 0) & dr.any(weight != 0)
                 d = si.to_world(bs.wo)
-                L = dr.select(found, light.radiance_towards(d, si, found), 0)
-                L /= density * target(L) + K_f * bs.pdf
+                L = light.radiance_towards(d, si, found)
+                L = dr.select(found, L / (density * target(L) + K_f * bs.pdf), 0)
                 g = L * weight * bs.pdf
                 found, g = self._worth_a_ray(g, K_f, mix(seed ^ (first + k)), found)
                 found &= ~scene.ray_test(si.spawn_ray(d), found)
