@@ -10,6 +10,7 @@ from typing import Any
 from benchmarks.common import asset, machine
 from stratalux import EnvironmentMap, median_cut
 from stratalux.rigs import RIGS
+from stratalux.variants import choose_variant
 
 N = 300
 ROUNDS = 7
@@ -17,14 +18,18 @@ ROUNDS = 7
 
 def main() -> None:
     texels = EnvironmentMap.load(asset("envmaps/grace_latlong.exr")).texels
-    from stratalux.sampling import RegionTables
+    choose_variant()
+    import drjit as dr
 
-    def stratification(environment: EnvironmentMap, n: int) -> RegionTables:
-        return RegionTables.build(environment, median_cut(environment, n))
+    from stratalux.leaf_sampler import RegionLeafSampler
+
+    def stratification(environment: EnvironmentMap, n: int) -> None:
+        RegionLeafSampler(environment, median_cut(environment, n))
+        dr.sync_thread()
 
     tasks: dict[str, Callable[..., Any]] = {
         "median cut alone": median_cut,
-        "median cut and CDFs": stratification,
+        "median cut and leaves": stratification,
         **{f"rig {name}": method for name, method in RIGS.items()},
     }
     times: dict[str, list[float]] = {name: [] for name in tasks}

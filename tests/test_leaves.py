@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from stratalux import EnvironmentMap, InputError
+from stratalux import EnvironmentMap, InputError, median_cut
 from stratalux.geometry import row_weights
-from stratalux.leaves import FLOOR, equal_energy_leaves
+from stratalux.leaves import FLOOR, cut_regions, equal_energy_leaves
 from tests.helpers import hall_map, sun_map
 
 
@@ -68,6 +68,19 @@ def test_leaves_are_in_the_order_of_the_tree() -> None:
     np.testing.assert_allclose(
         (groups[..., :2] + groups[..., 2:]).max(axis=1), coarse[:, :2] + coarse[:, 2:], atol=1e-9
     )
+
+
+@pytest.mark.parametrize("n", [3, 37])
+def test_energies_are_equal_within_each_region(n: int) -> None:
+    environment = EnvironmentMap(hall_map())
+    regions = median_cut(environment, n)
+    nodes = cut_regions(environment.energy_table, regions.bounds, 5).numpy().reshape(-1, 8)[: n << 5, :4]
+    leaves = np.concatenate([nodes[:, :2], nodes[:, 2:] - nodes[:, :2]], axis=1)
+    found = energies(environment, leaves).reshape(n, 32)
+    np.testing.assert_allclose(found, np.broadcast_to(found.mean(axis=1, keepdims=True), found.shape), rtol=1e-6)
+    y0, y1, x0, x1 = regions.bounds.T
+    np.testing.assert_allclose(nodes.reshape(n, 32, 4)[..., :2].min(axis=1), np.stack([x0, y0], axis=1), atol=1e-9)
+    np.testing.assert_allclose(nodes.reshape(n, 32, 4)[..., 2:].max(axis=1), np.stack([x1, y1], axis=1), atol=1e-9)
 
 
 def test_a_black_map_is_cut_all_the_same() -> None:

@@ -67,7 +67,7 @@ class EnergyTable:
         return float(self.sums[-1, self.width])
 
     def whole_cells(self) -> NDArray[np.float64]:
-        """∫ luminance dω over [0, x] x [0, y], whole cells, up to a function of y alone: (H, W + 1), by y and x."""
+        """∫ luminance dω over [0, x] x [0, y] for whole x and y, (H, W + 1) by y and x, up to a function of y alone."""
         height, width = self.height, self.width
         before = np.empty((height, width + 1))
         for first in range(0, height, _ROWS):

@@ -70,7 +70,7 @@ class LeafSampler:
 class RegionLeafSampler(LeafSampler):
     """The same for each of N regions by itself: region i has 2^depth leaves, from number i 2^depth on.
 
-    ``depth``: by default so many that there are 2^16 to 2^17 leaves in all, or one in each region. The pdf is that of
+    ``depth``: by default so that there are 2^15 to 2^17 leaves in all, or one in each region. The pdf is that of
     the region: with a uniform leaf of it.
     """
 

@@ -47,7 +47,8 @@ def cut_regions(table: EnergyTable, bounds: NDArray[np.int64] | None, depth: int
     """The same for each of N rectangles of whole cells, or for the map if ``bounds`` is None.
 
     ``bounds`` (N, 4): y0, y1, x0, x1, as in :class:`stratalux.regions.Regions`. Returned are, for each of the N 2^depth
-    leaves, region after region, :data:`_NODE` numbers, of which the first four are x0, y0, x1, y1; others may follow.
+    leaves, region after region, :data:`_NODE` numbers, of which the first four are x0, y0, x1 and y1. What follows
+    after the last leaf means nothing.
     """
     if not 0 <= depth <= 24:
         raise InputError(f"depth of the leaves: {depth} is out of range; give 0 to 24")

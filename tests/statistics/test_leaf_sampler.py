@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from stratalux import EnvironmentMap
+from stratalux import EnvironmentMap, median_cut
 from stratalux.geometry import map_coordinates
-from stratalux.leaf_sampler import LeafSampler
-from stratalux.leaves import equal_energy_leaves
+from stratalux.leaf_sampler import LeafSampler, RegionLeafSampler
+from stratalux.leaves import cut_regions, equal_energy_leaves
 from tests.helpers import ALPHA, hall_map, sun_map
 
 SAMPLES = 1 << 20
@@ -71,3 +71,43 @@ def test_directions_are_those_of_the_map() -> None:
 def test_depth_follows_the_size_of_the_map() -> None:
     assert LeafSampler(EnvironmentMap(hall_map())).depth == 16
     assert LeafSampler(EnvironmentMap(np.ones((512, 1024, 3), np.float32))).depth == 17
+
+
+@pytest.mark.parametrize("n", [1, 5, 37])
+@pytest.mark.parametrize("name", MAPS)
+def test_regions_have_leaves_of_their_own(name: str, n: int) -> None:
+    """Samples lie in the region that they are asked for, and E[1 / pdf] is its solid angle."""
+    environment = EnvironmentMap(MAPS[name])
+    regions = median_cut(environment, n)
+    sampler = RegionLeafSampler(environment, regions, 9)
+    assert sampler.count == 512 * len(regions)
+    energy = environment.energy_table.total
+    assert sampler.region_energy.numpy().sum() == pytest.approx(1.01 * energy if energy else 4 * np.pi, rel=1e-5)
+    random = mi.load_dict({"type": "independent"})
+    random.seed(4, SAMPLES)
+    leaf = mi.UInt32(np.arange(SAMPLES) % sampler.count)
+    x = sampler.sample(leaf, random.next_2d())
+    region = np.arange(SAMPLES) % sampler.count // 512
+    same = sampler.region(x.d).numpy() == region
+    assert same.mean() > 0.999  # close to a border, a direction may round into the neighbour
+    inverse = 1 / x.pdf.numpy().astype(np.float64)
+    for i in range(len(regions)):
+        values = inverse[region == i]
+        error = values.std() / np.sqrt(len(values)) + 1e-4 * regions.solid_angle[i]
+        assert abs(values.mean() - regions.solid_angle[i]) < 4.5 * error
+
+
+def test_leaves_of_regions_are_cut_where_those_of_the_map_are() -> None:
+    environment = EnvironmentMap(hall_map())
+    whole = median_cut(environment, 1)
+    np.testing.assert_array_equal(
+        cut_regions(environment.energy_table, whole.bounds, 7).numpy(),
+        cut_regions(environment.energy_table, None, 7).numpy(),
+    )
+
+
+def test_regions_share_the_leaves_out() -> None:
+    environment = EnvironmentMap(hall_map())
+    for n in (1, 3, 64):
+        sampler = RegionLeafSampler(environment, median_cut(environment, n))
+        assert 1 << 15 < sampler.count <= 1 << 16

@@ -36,7 +36,9 @@ def reference(material: str) -> NDArray[Any]:
 def test_same_mean_as_direct(material: str, strata: int, proposals: int) -> None:
     scene = mi.load_dict(scene_dict(material))
     spp = spp_for(strata, proposals)
-    assert_same_mean(runs(scene, stratified(strata, proposals), spp, RUNS, seed=0), reference(material))
+    # The dark pixels of a conductor get their light from few directions, which the samples of a run have in common.
+    count = 8 * RUNS if material == "roughconductor" else RUNS
+    assert_same_mean(runs(scene, stratified(strata, proposals), spp, count, seed=0), reference(material))
 
 
 def test_the_test_has_teeth() -> None:

@@ -166,7 +166,10 @@ class DirectStratified(DirectIntegrator):
 
 
 class Proposals:
-    """Proposals from the regions for the lanes' shading points."""
+    """Proposals from the regions for the lanes' shading points.
+
+    It draws no random numbers inside of a loop, as the loop would not know that the sampler's state is its own.
+    """
 
     def __init__(
         self,
@@ -176,7 +179,7 @@ class Proposals:
         si: mi.SurfaceInteraction3f,
         bsdf: mi.BSDFPtr,
     ) -> None:
-        self._light, self._mis, self._sampler, self._si, self._bsdf = light, mis, sampler, si, bsdf
+        self._light, self._mis, self._si, self._bsdf = light, mis, si, bsdf
         make = FreshLight if mi.is_spectral else SharedLight
         self._samples = make(light, launch_seed(sampler))
         self._leaves = dr.opaque(mi.UInt32, 1 << light.tables.depth)
@@ -184,14 +187,10 @@ class Proposals:
     def draw(self, i: mi.UInt32, u: mi.Float, active: mi.Bool) -> tuple[mi.Vector3f, mi.Spectrum]:
         """Direction of a proposal x from the density p_i of Ω_i (2), and L f cos / p_i there, weighted for MIS.
 
-        ``u`` chooses the leaf.
+        ``u`` chooses the leaf, and its bits the point inside where that is drawn anew.
         """
         leaf = i * self._leaves + dr.minimum(mi.UInt32(u * mi.Float(self._leaves)), self._leaves - 1)
-        inside = mi.UInt32(0)
-        if isinstance(self._samples, FreshLight):
-            v = self._sampler.next_2d(active) * 65536
-            inside = mi.UInt32(v.x) << 16 | mi.UInt32(v.y)
-        d, luminance, L_p = self._samples.draw(leaf, inside, self._si, active)
+        d, luminance, L_p = self._samples.draw(leaf, dr.reinterpret_array(mi.UInt32, u), self._si, active)
         density = self._density(i, luminance, active)
         return d, L_p * self._mis.eval(self._si, self._bsdf, self._si.to_local(d), density, active)
 
