@@ -34,8 +34,8 @@ def bilinear(texels: NDArray[np.float32], fine: int) -> tuple[NDArray[np.float64
 def test_the_sum_is_the_integral_with_the_polynomial(make):
     texels = make()
     coefficients = irradiance_coefficients(texels)
-    omega, energy = bilinear(texels, 8)
-    n = np.random.default_rng(3).normal(size=(40, 3))
+    omega, energy = bilinear(texels, 20)
+    n = np.random.default_rng(3).normal(size=(10, 3))
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     expected = np.polynomial.polynomial.polyval(n @ omega.T, clamped_cosine()) @ energy
     harmonics = [mi.Float(y) for y in dr.sh_eval(mi.Vector3f(-n[:, 2], n[:, 0], n[:, 1]), max(DEGREES))]
@@ -43,8 +43,9 @@ def test_the_sum_is_the_integral_with_the_polynomial(make):
     assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()  # of the sum over parts of cells
 
 
-def test_a_white_sky_gives_pi():
-    coefficients = irradiance_coefficients(np.ones((9, 16, 3), dtype=np.float32))
+@pytest.mark.parametrize("height", [9, 256, 1100])
+def test_a_white_sky_gives_pi(height):
+    coefficients = irradiance_coefficients(np.ones((height, 16, 3), dtype=np.float32))
     assert coefficients[0] * np.sqrt(1 / (4 * np.pi)) == pytest.approx(np.full(3, np.pi), rel=1e-6)
     assert max(np.abs(value).max() for k, value in coefficients.items() if k) < 1e-6
 
@@ -52,5 +53,5 @@ def test_a_white_sky_gives_pi():
 def test_the_polynomial_is_near_the_clamped_cosine():
     t = np.linspace(-1, 1, 2001)
     error = np.polynomial.polynomial.polyval(t, clamped_cosine()) - np.maximum(t, 0)
-    assert np.sqrt(np.mean(error**2)) < 0.01
+    assert np.sqrt(np.mean(error**2)) < 0.012
     assert zonal_coefficients()[:3] == pytest.approx([np.pi, 2 * np.pi / 3, np.pi / 4])  # Ramamoorthi and Hanrahan

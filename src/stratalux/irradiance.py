@@ -9,24 +9,28 @@ Coordinates: (X, Y, Z) = (−z, x, y) of the map's frame, so that Z is the map's
 
 from __future__ import annotations
 
-from math import factorial
+from functools import cache
 
 import numpy as np
+from numpy.polynomial.legendre import leg2poly, leggauss
+from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
-from scipy.special import eval_legendre, lpmv
+from scipy.special import eval_legendre, factorial
 
 DEGREES = (0, 1, 2, 4, 6)
 """Of the other odd degrees, the clamped cosine has nothing."""
-_ROWS = 64
-"""Of a block that stays in the cache."""
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+_ROWS, _COLUMNS = 64, 192
+"""Of a product so small that OpenBLAS takes one thread: others would go on to spin, where cores are needed."""
+_MANY_ROWS = 256
+"""From there on, two nodes between rows are as exact as single precision asks for."""
 
 _Float = NDArray[np.float64]
 
 
+@cache
 def zonal_coefficients() -> _Float:
     """A_l of max(0, t) = Σ_l (2l + 1) / 4π · A_l P_l(t), for :data:`DEGREES`; A_0 = π."""
-    nodes, weights = np.polynomial.legendre.leggauss(32)
+    nodes, weights = leggauss(32)
     t, weight = (nodes + 1) / 2, weights / 2  # from 0 to 1, where the function is smooth
     return np.array([2 * np.pi * np.sum(weight * t * eval_legendre(degree, t)) for degree in DEGREES])
 
@@ -36,7 +40,7 @@ def clamped_cosine() -> _Float:
     series = np.zeros(max(DEGREES) + 1)
     for degree, A in zip(DEGREES, zonal_coefficients(), strict=True):
         series[degree] = (2 * degree + 1) / (4 * np.pi) * A
-    return np.asarray(np.polynomial.legendre.leg2poly(series), dtype=np.float64)
+    return np.asarray(leg2poly(series), dtype=np.float64)
 
 
 def irradiance_coefficients(texels: NDArray[np.float32]) -> dict[int, _Float]:
@@ -47,30 +51,46 @@ def irradiance_coefficients(texels: NDArray[np.float32]) -> dict[int, _Float]:
     """
     height, width, channels = texels.shape
     pairs = [(degree, m) for degree in DEGREES for m in range(degree + 1)]
-    rows = np.stack([_row_weights(height, degree, m) for degree, m in pairs]).astype(np.float32)
-    by_column = np.zeros((len(pairs), width, channels))
+    rows = _row_weights(height, *np.array(pairs).T).astype(np.float32)
+    by_column = np.zeros((len(pairs), width * channels))
     for first in range(0, height, _ROWS):
-        block = texels[first : first + _ROWS]
-        by_column += (rows[:, first : first + _ROWS] @ block.reshape(len(block), -1)).reshape(by_column.shape)
+        block = texels[first : first + _ROWS].reshape(-1, width * channels)
+        for left in range(0, width * channels, _COLUMNS):
+            part = np.s_[:, left : left + _COLUMNS]
+            by_column[part] += rows[:, first : first + _ROWS] @ block[part]
+    by_column = by_column.reshape(len(pairs), width, channels)
     phi = 2 * np.pi * (np.arange(width) + 0.5) / width
+    orders = np.arange(max(DEGREES) + 1)
+    hat = 2 * np.pi / width * np.sinc(orders / width) ** 2  # ∫ of the hat function around a column, times a wave
+    cosines, sines = (hat[:, None] * wave(orders[:, None] * phi) for wave in (np.cos, np.sin))
+    even, odd = cosines @ by_column, sines @ by_column  # (pairs, orders, C)
     A = dict(zip(DEGREES, zonal_coefficients(), strict=True))
     result = {}
-    for (degree, m), columns in zip(pairs, by_column, strict=True):
-        hat = 2 * np.pi / width * np.sinc(m / width) ** 2  # of the hat function around a column
-        for sign, wave in ((1, np.cos), (-1, np.sin)):
-            if m or sign > 0:
-                result[degree * (degree + 1) + sign * m] = A[degree] * hat * (wave(m * phi) @ columns)
+    for pair, (degree, m) in enumerate(pairs):
+        result[degree * (degree + 1) + m] = A[degree] * even[pair, m]
+        if m:
+            result[degree * (degree + 1) - m] = A[degree] * odd[pair, m]
     return result
 
 
-def _row_weights(height: int, degree: int, m: int) -> _Float:
-    """∫ hat(θ) K P_lm(cos θ) sin θ dθ around each row of texels, (H,); K makes the harmonic orthonormal."""
-    norm = (2 * degree + 1) / (4 * np.pi) * factorial(degree - m) / factorial(degree + m) * (2 if m else 1)
-    step = np.pi / (height - 1)
-    t = (_NODES + 1) / 2
+def _row_weights(height: int, degree: NDArray[np.int64], m: NDArray[np.int64]) -> _Float:
+    """∫ hat(θ) K P_lm(cos θ) sin θ dθ around each row of texels, (pairs, H); K makes the harmonic orthonormal."""
+    nodes, weight = leggauss(4 if height < _MANY_ROWS else 2)
+    t, step = (nodes + 1) / 2, np.pi / (height - 1)
     theta = step * (np.arange(height - 1)[:, None] + t)
-    values = np.sqrt(norm) * lpmv(m, degree, np.cos(theta)) * np.sin(theta) * _WEIGHTS * step / 2
-    weights = np.zeros(height)
-    weights[:-1] += values @ (1 - t)
-    weights[1:] += values @ t
+    K = np.sqrt((2 * degree + 1) / (4 * np.pi) * factorial(degree - m) / factorial(degree + m) * np.where(m, 2, 1))
+    x, sin_θ = np.cos(theta), np.sin(theta)
+    measure = sin_θ * weight * step / 2
+    powers = [measure * (-sin_θ) ** order for order in range(max(DEGREES) + 1)]
+    weights = np.zeros((len(m), height))
+    for pair, derivative in enumerate(map(_derivative, degree.tolist(), m.tolist())):
+        values = K[pair] * polyval(x, derivative) * powers[m[pair]]
+        weights[pair, :-1] += values @ (1 - t)
+        weights[pair, 1:] += values @ t
     return weights
+
+
+@cache
+def _derivative(degree: int, m: int) -> _Float:
+    """Coefficients of the m-th derivative of the Legendre polynomial, which makes P_lm with (−sin θ)^m."""
+    return np.asarray(polyder(leg2poly([0] * degree + [1]), m), dtype=np.float64)

@@ -88,8 +88,9 @@ class Automatic(AutomaticSample):
     """The same for whole images: it chooses the camera samples, too.
 
     Every pixel gets a pilot of a few samples; the rest of the budget goes where :func:`stratalux.adaptive.plan_samples`
-    puts it. ``spp`` is the mean over the image. Few samples are spread evenly. Spectral variants and films that are not
-    made of colours get Mitsuba's own order of samples.
+    puts it. Where the pilots around a pixel say that it pays, light on what is matte gets a control variate. ``spp`` is
+    the mean over the image. Spectral variants and films that are not made of colours get Mitsuba's own order of
+    samples, and no variate.
     """
 
     def __init__(self, props: mi.Properties) -> None:
@@ -140,14 +141,14 @@ class Automatic(AutomaticSample):
         dr.make_opaque(seed)  # or every value would be compiled into a kernel of its own
 
         few = _pilot(spp)
-        parts = min(PARTS, few)
-        pilot = _Pilot(view, few, parts)
+        pilot = _Pilot(view, few, min(PARTS, few))
         dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
         for rendered in pilot.passes(seed, dim):
             if rendered < few:
                 yield pilot.image(0), rendered
         plan = pilot.plan(dim, spp)
-        yield pilot.image(plan.share), float(few)
+        first = pilot.image(plan.share)
+        yield first, float(few)
         if few == spp:
             return
 
@@ -155,7 +156,6 @@ class Automatic(AutomaticSample):
         expected, share = (mi.Float(x.astype(np.float32).ravel()) for x in (np.maximum(plan.level, dim), plan.share))
         rounds = -(-int(counts.sum()) // LAUNCH)
         block = view.film.create_block()
-        first = pilot.image(plan.share)
         for k in range(rounds):
             start, end = k * counts // rounds, (k + 1) * counts // rounds
             lanes = view.samples(few + start, end - start, seed, expected, mix(mix(seed) + mi.UInt32(k + 1)))

@@ -77,6 +77,9 @@ class NestedStrata:
     direction. It is unbiased, as the weights of both techniques depend on the direction alone, add up to 1, and p is
     positive everywhere. N and K follow the concentration of the BSDF, see :class:`~.lobes.Allocation`.
 
+    A :class:`~.variate.MatteVariate` h is estimated along with it, from the same samples and without rays, for the
+    part of the BSDF that is matte, with albedo ρ: the points get ρ/π (∫ h dω − its estimate) as their ``difference``.
+
     Where the points tell the luminance that is expected in all, a sample that would bring less than
     :data:`WORTH_A_RAY` times its share gets a ray with a probability in proportion, and the reciprocal weight.
     """
