@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d, uniform_filter
+from scipy.ndimage import correlate, uniform_filter
 
 CONVERGENCE = 1.3
 """c of error² ∝ n^−c with n samples of a pixel, as measured; the least sum of all has n ∝ (error²)^(1 / (1 + c))."""
@@ -28,27 +28,53 @@ _Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Plan:
-    """``counts`` (H, W): samples of each pixel, powers of two. ``level`` (H, W): mean of the channels around it."""
+    """``counts`` (H, W): samples of each pixel, powers of two. ``level`` (H, W): mean of the channels around it.
+
+    ``share`` (H, W): of the control variate's difference that is to be added to each pixel, in [0, 1].
+    """
 
     counts: NDArray[np.int64]
     level: _Float
+    share: _Float
 
 
-def plan_samples(pilot: NDArray[np.floating], dim: float, budget: float, least: int, footprint: int = 0) -> Plan:
+def plan_samples(
+    pilot: NDArray[np.floating],
+    difference: NDArray[np.floating],
+    dim: float,
+    budget: float,
+    least: int,
+    footprint: int = 0,
+) -> Plan:
     """Share ``budget`` samples per pixel, on average and about, so that the sum of relative errors is least.
 
-    ``pilot``: (P ≥ 2, H, W, C), means of parts of the pilot, whose differences tell its error. ``dim``: radiance below
-    which errors count as if it were that bright. ``least``: samples of any pixel, a power of two, at most ``budget``.
-    ``footprint``: radius in pixels of what a pixel's value depends on beyond its own samples (that of the
-    reconstruction filter; 0 for a box).
+    ``pilot``: (P, H, W, C), means of parts of the pilot, whose differences tell its error; those of neighbours do if
+    P = 1. ``difference``, of the same shape: a control variate's integral less its estimate, of which any share can be
+    added to the pilot. ``dim``: radiance below which errors count as if it were that bright. ``least``: samples of any
+    pixel, a power of two, at most ``budget``. ``footprint``: radius in pixels of what a pixel's value depends on beyond
+    its own samples (that of the reconstruction filter; 0 for a box).
     """
-    grey = pilot.mean(axis=0, dtype=np.float32)
-    variance = ((pilot - grey) ** 2).sum(axis=(0, -1), dtype=np.float64)
-    level = grey.mean(axis=-1, dtype=np.float64)
+    error, variate = (np.moveaxis(part, -1, 0) for part in (pilot, difference))  # (C, P, H, W)
+    level = error.mean(axis=(0, 1), dtype=np.float64)
+    if len(pilot) > 1:
+        error, variate = (part - part.mean(axis=1, keepdims=True, dtype=np.float32) for part in (error, variate))
+    products = [(a * b).sum(axis=(0, 1)) for a, b in ((error, error), (error, variate), (variate, variate))]
     outer = _REACH + footprint
-    spread = (_ring(variance, footprint + 1, footprint) + _ring(variance, outer, footprint)) / 2
-    need = (spread / (_ring(level, outer, footprint) ** 2 + dim**2 + 1e-30)) ** (1 / (1 + CONVERGENCE))
-    return Plan(_counts(need, budget, least, outer + footprint), uniform_filter(level, 2 * _REACH + 1, mode="nearest"))
+    neighbours = [*error[:, 0], *variate[:, 0]] if len(pilot) == 1 else []
+    around = _around(np.stack([level, *products, *neighbours]).astype(np.float64), outer, footprint)
+    variance, covariance, squares = around[1:4]
+    if neighbours:
+        mean, of_variate = around[4:].reshape(2, -1, *level.shape)
+        variance = variance - (mean**2).sum(axis=0)
+        covariance = covariance - (mean * of_variate).sum(axis=0)
+        squares = squares - (of_variate**2).sum(axis=0)
+    # The share c with the least variance of pilot + c · difference; of other pixels, as all that a pixel's value is
+    # made of. Sums around the pixel come first, or it would have a part in the shares of those that it is judged by.
+    share = np.clip(np.divide(-covariance, squares, out=np.zeros_like(squares), where=squares > 0), 0, 1)
+    spread = np.maximum(variance + share * (2 * covariance + share * squares), 0)
+    need = (spread / (around[0] ** 2 + dim**2 + 1e-30)) ** (1 / (1 + CONVERGENCE))
+    counts = _counts(need, budget, least, outer + footprint)
+    return Plan(counts, uniform_filter(level, 2 * _REACH + 1, mode="nearest"), share)
 
 
 def _counts(need: _Float, budget: float, least: int, reach: int) -> NDArray[np.int64]:
@@ -80,18 +106,18 @@ def _counts(need: _Float, budget: float, least: int, reach: int) -> NDArray[np.i
     return counts
 
 
-def _ring(values: _Float, outer: int, inner: int) -> _Float:
-    """Mean over the square of radius ``outer`` around each pixel without that of ``inner``, as far as in the image.
+def _around(images: _Float, outer: int, inner: int) -> _Float:
+    """Means (K, H, W) of ``images`` over squares around each pixel, without that of radius ``inner``.
 
-    Added up directly: a difference of sums, or running sums, would keep a trace of what is left out.
+    Half of the weight has the square of radius ``outer``, half the least one. Added up directly: a difference of sums,
+    or running sums, would keep a trace of what is left out.
     """
-    full, hole = np.ones(2 * outer + 1), np.ones(2 * inner + 1)
-    sides = full.copy()
-    sides[outer - inner : outer + inner + 1] = 0
-
-    def total(image: _Float) -> _Float:
-        rows = correlate1d(correlate1d(image, full, axis=1, mode="constant"), sides, axis=0, mode="constant")
-        return rows + correlate1d(correlate1d(image, sides, axis=1, mode="constant"), hole, axis=0, mode="constant")
-
-    result: _Float = total(values) / np.maximum(total(np.ones_like(values)), 1)
+    weights = np.zeros((2 * outer + 1, 2 * outer + 1))
+    distance = np.abs(np.arange(-outer, outer + 1))
+    distance = np.maximum(distance, distance[:, None])
+    for radius in (inner + 1, outer):
+        ring = (distance <= radius) & (distance > inner)
+        weights[ring] += 0.5 / ring.sum()
+    inside = correlate(np.ones(images.shape[1:]), weights, mode="constant")
+    result: _Float = correlate(images, weights[None], mode="constant") / np.maximum(inside, 1e-30)
     return result

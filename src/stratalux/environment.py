@@ -43,6 +43,10 @@ class MapLight(Generic[T]):
         it.wavelengths = si.wavelengths
         return self.emitter.eval(it, active)
 
+    def arrays(self) -> tuple[Any, ...]:
+        """What kernels read, but for the tables."""
+        return self.emitter, self.to_world, self.scale
+
     def from_world(self, d: mi.Vector3f) -> mi.Vector3f:
         """A direction of the world in the frame of the map."""
         return self.to_world.inverse() @ d

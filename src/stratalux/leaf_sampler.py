@@ -40,6 +40,10 @@ class LeafSampler:
         self._leaves = dr.ravel(mi.Vector4f((x0 + 0.5) / across, y0 / down, (x1 - x0) / across, (y1 - y0) / down))
         dr.eval(self._leaves)
 
+    def arrays(self) -> tuple[mi.Float, ...]:
+        """What kernels read."""
+        return (self._leaves,)
+
     @property
     def bytes(self) -> int:
         """What the table takes."""

@@ -23,8 +23,11 @@ integrators that it brings, by the name that Mitsuba's scenes use."""
 
 _SHARED = (
     "stratalux.integrators.common",
+    "stratalux.integrators.light_samples",
+    "stratalux.integrators.variate",
     "stratalux.integrators.lobes",
     "stratalux.integrators.nested_strata",
+    "stratalux.integrators.launch",
     "stratalux.integrators.automatic",
 )
 _loaded_for: str | None = None

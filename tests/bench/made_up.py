@@ -9,6 +9,7 @@ import mitsuba as mi
 
 from stratalux.bench.candidates import OURS, Configuration, Trial
 from stratalux.bench.cases import QUICK, Case
+from stratalux.bench.peers.records import PeerRecord, PeersResult, PeerTrial
 from stratalux.bench.records import CaseResult, CurveRecord, Point
 from stratalux.bench.results import BenchResult
 from stratalux.records import Spread
@@ -95,6 +96,40 @@ def case_result(case: Case, ratio: float, floor: float = 0.0) -> CaseResult:
         theirs=(curve(THEIRS, 1e-3, floor),),
         preparation_seconds=0.01,
         compile_seconds=0.5,
+    )
+
+
+def peers_result() -> PeersResult:
+    """One renderer that is 40 times as slow as we are, and one that has failed."""
+
+    def surface(record: CurveRecord) -> CurveRecord:
+        points = (Point(point.spp, point.seconds, {"surface": point.errors["surface"]}) for point in record.points)
+        return CurveRecord(record.configuration, tuple(points))
+
+    return PeersResult(
+        case=Case("grace", "diffuse", "buddha"),
+        size=(15, 10),
+        scale=0.5,
+        reference={"estimator": {"type": "direct"}, "spp": 128, "passes": 16, "seconds": 1.0, "key": "k"},
+        floor=0.0,
+        mean=0.2,
+        ours=surface(curve(OURS, 1e-3)),
+        peers=(
+            PeerRecord(
+                name="Cycles",
+                version="Cycles of Blender 9.9",
+                configurations={"MIS": {"seed": 1}},
+                chosen="MIS",
+                trials=(PeerTrial("MIS", 64.0, 1.0, 0.01, 0.25),),
+                curve=surface(curve(Configuration("Cycles", "MIS", "Cycles of Blender 9.9, MIS"), 4e-2)),
+                load_seconds=1.5,
+                setup_seconds=0.25,
+                agreement=1.0012,
+                plateau=3e-6,
+                plateau_noise=1e-6,
+            ),
+            PeerRecord(name="LuxCore", failure="LuxCore was ended by SIGSEGV: no more light"),
+        ),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .cases import MATERIALS
+from .peers.records import REGION, PeersResult
 from .records import CaseResult
 from .results import BenchResult
 
@@ -18,6 +19,15 @@ warm-up; times are medians of the seeds, without compilation and preparation. Be
 in log-log. The error is the relative MSE in linear RGB over the pixels that are all surface, with a box filter and
 the map scaled so that their mean is 0.2. It is taken against Mitsuba's `direct` 1+1 with many times the samples and
 other seeds; the noise of that reference is subtracted.
+"""
+
+_PEERS = """\
+In the same scene, with the same camera, box filter and map, {width}x{height} pixels, direct light of the map only: the
+seconds that each renderer needs to reach our error, and their ratio to ours, by our budgets. Each renders in a process
+of its own, in turn with ours; times are of the rendering alone. Loading and setting up, which come once, are listed
+apart. Of several configurations of each, the one that does best at a middle budget counts. *Agreement* is the mean of
+the image over that of Mitsuba's reference. *Plateau* is the relative MSE that more samples would not take away, which
+is the square of the renderer's disagreement with Mitsuba: near our error, it would make the other look slow.
 """
 
 _MARKS = """\
@@ -43,6 +53,8 @@ def markdown(result: BenchResult) -> str:
     ]
     if open_cases := [case for case in result.cases if not case.case.ground]:
         parts += ["Objects against the map, without a ground:", _cases(open_cases)]
+    for raced in result.peers:
+        parts += [f"## Other renderers: {raced.case.name}", *_peers(raced)]
     parts += [_MARKS.strip(), "## The price of choosing rays", _floor(result.floor)]
     parts += ["## Preparation", _preparation(result)]
     return "\n\n".join(parts) + "\n"
@@ -75,6 +87,27 @@ def _cases(cases: list[CaseResult]) -> str:
         rows.append([*names, spp, "; ".join(winners), *ratios])
     heads = ["scene", "material", "map", "our spp", "best of Mitsuba's", "surfaces", "range", "whole image", "range"]
     return table(heads, rows)
+
+
+def _peers(raced: PeersResult) -> list[str]:
+    heads = ["renderer", "configuration", "speed-up", *(f"our {point.spp} spp" for point in raced.ours.points)]
+    heads += ["agreement", "plateau", "load, set-up"]
+    seconds = [f"{s:.3g} s to {e:.2g}" for s, e in raced.ours.curve(REGION, raced.floor).points]
+    rows = [["Stratalux", "`stratified`", "1", *seconds, "-", "-", "-"]]
+    failures = []
+    for peer in raced.peers:
+        if peer.failure is not None:
+            failures.append(f"{peer.failure}.")
+        verdict = raced.verdict(peer)
+        if verdict is None or peer.agreement is None:
+            continue
+        star = chr(92) + "*"
+        reached = [f"{duel.theirs:.3g} s{star * duel.outside} ({duel.ratio:.3g})" for duel in verdict.duels]
+        setup = " + ".join("-" if s is None else f"{s:.2g} s" for s in (peer.load_seconds, peer.setup_seconds))
+        plateau = "-" if peer.plateau is None else f"{peer.plateau:.1e} ± {peer.plateau_noise:.0e}"
+        row = [peer.version, peer.chosen, f"**{verdict.ratio:.3g}**{star * verdict.outside}", *reached]
+        rows.append([*row, f"{peer.agreement:.4f}", plateau, setup])
+    return [_PEERS.format(width=raced.size[0], height=raced.size[1]).strip(), table(heads, rows), *failures]
 
 
 def marks(case: CaseResult, region: str, outside: str = "*") -> str:

@@ -139,7 +139,7 @@ def measure_case(
     """Measure ``case``. ``cache``: folder for references instead of the usual one."""
     setting = load_setting(case, suite, assets)
     arena = Arena(setting)
-    truth = Truth(case, setting, _reference(setting, suite.reference_spp, cache, lambda done: fraction(0.4 * done)))
+    truth = Truth(case, setting, reference_of(setting, suite.reference_spp, cache, lambda done: fraction(0.4 * done)))
 
     configurations = mitsuba_configurations()
     total, tried = len(configurations) + suite.screened * _STEP, 0
@@ -168,7 +168,7 @@ def measure_case(
     raised = any(point.limited(truth.region, floor) for point in truth.record(arena, OURS).points)
     if raised:
         spp = suite.reference_spp * suite.reference_factor
-        truth = Truth(case, setting, _reference(setting, spp, cache, lambda done: fraction(0.9)))
+        truth = Truth(case, setting, reference_of(setting, spp, cache, lambda done: fraction(0.9)))
     left = 0.1
     while jobs := _continuation(truth, arena, finalists, suite):
         left /= 2  # how many more there will be is not known
@@ -249,7 +249,7 @@ def _continuation(
     return jobs
 
 
-def _reference(setting: Setting, spp: int, cache: Path | None, progress: Fraction) -> Reference:
+def reference_of(setting: Setting, spp: int, cache: Path | None, progress: Fraction) -> Reference:
     sensor = setting.cameras["multijitter"]
     found = find_reference(setting.plain, REFERENCE, spp, sensor=sensor, cache=cache)
     return found or make_reference(setting.plain, REFERENCE, spp, sensor=sensor, cache=cache, progress=progress)

@@ -95,8 +95,8 @@ class CaseResult:
             "floors": self.floors,
             "reference": self.reference,
             "screening": [asdict(trial) for trial in self.trials],
-            "ours": self._curve(self.ours),
-            "theirs": [self._curve(record) for record in self.theirs],
+            "ours": curve_json(self.ours, self.floors),
+            "theirs": [curve_json(record, self.floors) for record in self.theirs],
             "preparation_seconds": self.preparation_seconds,
             "compile_seconds": self.compile_seconds,
             **{region: self._verdict(region) for region in REGIONS},
@@ -117,39 +117,43 @@ class CaseResult:
                 Trial(**{**trial, "configuration": Configuration(**trial["configuration"])})
                 for trial in content["screening"]
             ),
-            ours=_curve_record(content["ours"]),
-            theirs=tuple(_curve_record(record) for record in content["theirs"]),
+            ours=curve_from_json(content["ours"]),
+            theirs=tuple(curve_from_json(record) for record in content["theirs"]),
             preparation_seconds=content["preparation_seconds"],
             compile_seconds=content["compile_seconds"],
         )
 
-    def _curve(self, record: CurveRecord) -> dict[str, Any]:
-        return {
-            "configuration": asdict(record.configuration),
-            "points": [
-                {
-                    "spp": point.spp,
-                    "seconds": spread_json(point.seconds),
-                    "relmse": {region: spread_json(spread) for region, spread in point.errors.items()},
-                    "error": {region: point.error(region, self.floors[region]) for region in point.errors},
-                }
-                for point in record.points
-            ],
-        }
-
     def _verdict(self, region: str) -> dict[str, Any] | None:
         verdict = self.verdict(region)
-        if verdict is None:
-            return None
-        return {
-            "ratio": verdict.ratio,
-            "min": verdict.lowest,
-            "max": verdict.highest,
-            "outside": verdict.outside,
-            "floor_limited": self.limited(region),
-            "winners": list(verdict.winners),
-            "budgets": [{**asdict(duel), "ratio": duel.ratio} for duel in verdict.duels],
-        }
+        return None if verdict is None else {**verdict_json(verdict), "floor_limited": self.limited(region)}
+
+
+def verdict_json(verdict: Verdict) -> dict[str, Any]:
+    """The ratio, its range, and the duels that it comes from."""
+    return {
+        "ratio": verdict.ratio,
+        "min": verdict.lowest,
+        "max": verdict.highest,
+        "outside": verdict.outside,
+        "winners": list(verdict.winners),
+        "budgets": [{**asdict(duel), "ratio": duel.ratio} for duel in verdict.duels],
+    }
+
+
+def curve_json(record: CurveRecord, floors: dict[str, float]) -> dict[str, Any]:
+    """A configuration and its points; ``floors``: of the reference, by region."""
+    return {
+        "configuration": asdict(record.configuration),
+        "points": [
+            {
+                "spp": point.spp,
+                "seconds": spread_json(point.seconds),
+                "relmse": {region: spread_json(spread) for region, spread in point.errors.items()},
+                "error": {region: point.error(region, floors[region]) for region in point.errors},
+            }
+            for point in record.points
+        ],
+    }
 
 
 def spread_json(spread: Spread) -> dict[str, Any]:
@@ -161,7 +165,8 @@ def spread_from_json(content: dict[str, Any]) -> Spread:
     return Spread(tuple(content["values"]))
 
 
-def _curve_record(content: dict[str, Any]) -> CurveRecord:
+def curve_from_json(content: dict[str, Any]) -> CurveRecord:
+    """The inverse of :func:`curve_json`."""
     points = tuple(
         Point(
             point["spp"],

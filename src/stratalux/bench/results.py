@@ -25,6 +25,16 @@
   seconds, ``winner``, ``outside``, ``ratio``).
 - ``floor``: ``rays_seconds`` of bare shadow rays and ``stratified_seconds`` of ``integrator`` with as many, spreads in
   seconds, and their ``ratio``, a spread; ``case``, ``size``, ``spp``, ``sampler``, ``rays_per_sample``.
+- ``peers``: a list, empty unless renderers of others were measured, with ``name``; ``case``; ``size``; ``scale``;
+  ``reference``, its ``mean`` and its ``floor`` over pixels that are all surface; ``ours``: ``configuration`` and
+  ``points``, as in cases; and the list ``peers``: ``name``; ``version``; ``configurations``: settings of those tried,
+  by name, and ``chosen``, the best of them; ``trials`` (``name``, ``spp``, ``seconds``, ``error`` less the floor,
+  ``setup_seconds``); ``curve``: of the best, as ours; ``load_seconds`` (import and scene) and ``setup_seconds`` (BVH,
+  importance map), which no other time contains; at the highest budget ``agreement`` (mean over that of the reference)
+  and ``plateau``, relMSE that more samples would not take away (the square of the bias), give or take
+  ``plateau_noise``; ``failure``: one line where the renderer failed, else null; and the ``verdict``: ``ratio`` (seconds
+  that it needs for our error over ours, geometric mean over our budgets), ``min``, ``max``, ``outside``, ``winners``,
+  ``budgets``, as in cases.
 - ``preparation``: a list with ``width``, ``height``, ``strata``, ``map_bytes``, ``film``; ``seconds`` of
   ``mitsuba_array`` and ``mitsuba_file`` (its envmap built from memory and from a .hdr file), and of what we add:
   ``ours`` (the default) and ``pinned`` (the paper's scheme with ``strata`` regions), spreads; ``peak_bytes_per_byte``
@@ -45,6 +55,7 @@ from ..errors import InputError
 from ..image import write_atomically
 from .candidates import OURS, Configuration
 from .cases import MATERIALS
+from .peers.records import PeersResult
 from .race import geometric_mean
 from .records import REGIONS, CaseResult
 
@@ -61,6 +72,7 @@ class BenchResult:
     floor: dict[str, Any]
     preparation: tuple[dict[str, Any], ...]
     ours: Configuration = OURS
+    peers: tuple[PeersResult, ...] = ()
 
     @cached_property
     def ratios(self) -> dict[str, dict[str, float]]:
@@ -99,6 +111,7 @@ class BenchResult:
                 "ours": asdict(self.ours),
                 "summary": {region: self.summary(region) for region in REGIONS},
                 "cases": [result.to_json() for result in self.cases],
+                "peers": [result.to_json() for result in self.peers],
                 "floor": self.floor,
                 "preparation": list(self.preparation),
             }
@@ -107,13 +120,14 @@ class BenchResult:
     @classmethod
     def from_json(cls, content: dict[str, Any]) -> BenchResult:
         """The inverse of :meth:`to_json`; summaries are derived anew."""
-        parts = ("format", "format_version", "ours", "summary", "cases", "floor", "preparation")
+        parts = ("format", "format_version", "ours", "summary", "cases", "peers", "floor", "preparation")
         return cls(
             about={name: value for name, value in content.items() if name not in parts},
             cases=tuple(CaseResult.from_json(case) for case in content["cases"]),
             floor=content["floor"],
             preparation=tuple(content["preparation"]),
             ours=Configuration(**content["ours"]),
+            peers=tuple(PeersResult.from_json(case) for case in content.get("peers", ())),
         )
 
     def write(self, path: str | Path) -> None:

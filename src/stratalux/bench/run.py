@@ -21,6 +21,10 @@ from .cases import Suite, find_suite
 from .floor import CASE as FLOOR_CASE
 from .floor import measure_floor
 from .measure import measure_case, settings_of
+from .peers.measure import CASES as PEER_CASES
+from .peers.measure import PEER_SECONDS, measure_peers, peer_settings
+from .peers.records import PeersResult
+from .peers.worker import find_peers
 from .preparation import measure_preparation
 from .records import CaseResult
 from .results import FORMAT, VERSION, BenchResult
@@ -42,6 +46,8 @@ def run(
     folder: str | Path | None = None,
     cache: Path | None = None,
     variant: str | None = None,
+    peers: bool = False,
+    peers_python: str | None = None,
     progress: Progress | None = None,
 ) -> BenchResult:
     """Measure how long the best of Mitsuba's ``direct`` needs for our error, over what we need.
@@ -49,15 +55,19 @@ def run(
     ``suite``: "quick" (minutes), "full" (hours), or one of your own. ``assets``: folder to look through first.
     ``folder``: by default ``bench-SUITE``; gets ``results.json`` and, in ``steps``, what an interrupted run resumes
     from: the steps of other code, of another machine or of other versions are not used. ``cache``: folder for
-    references instead of the usual one. ``variant``: of Mitsuba; it stays active.
+    references instead of the usual one. ``variant``: of Mitsuba; it stays active. ``peers``: measure Cycles and LuxCore
+    too, with the packages of the interpreter ``peers_python``, by default this one.
 
-    Raises :class:`InputError` for missing assets, before any work is done.
+    Raises :class:`InputError` for missing assets and packages, before any work is done.
     """
     suite = find_suite(suite)
     assets = assets if isinstance(assets, Assets) else Assets(assets)
     folder = Path(folder or f"bench-{suite.name}")
+    packages = find_peers(peers_python) if peers else {}
     _check(suite, assets, folder)
     variant = choose_variant(variant)
+    if peers and not variant.startswith("llvm"):
+        raise InputError(f"--peers: the others render on the CPU, {variant} would not; add -m llvm_ad_rgb")
     mi.set_log_level(mi.LogLevel.Error)
     common = {
         "format": [FORMAT, VERSION],
@@ -68,6 +78,7 @@ def run(
     }
     work = {size: _PREPARATION_SECONDS + _SECONDS_PER_TEXEL * size[0] * size[1] for size in suite.preparation}
     total = suite.seconds * len(suite.all_cases) + _FLOOR_SECONDS + sum(work.values())
+    total += PEER_SECONDS * len(PEER_CASES) if peers else 0.0
     study = Study(folder / "steps", common, total, progress)
     files = {name: str(assets.require(name)) for name in _needed(suite)}
     sizes = {name: Path(path).stat().st_size for name, path in files.items()}
@@ -90,6 +101,14 @@ def run(
             return measure_case(case, suite, assets, cache=cache, fraction=fraction).to_json()
 
         cases.append(CaseResult.from_json(study.step(case.name, settings, suite.seconds, compute)))
+    raced = []
+    for case in PEER_CASES if peers else ():
+        settings = {**peer_settings(case, suite), "packages": packages, "assets": [sizes[case.map], sizes[case.scene]]}
+
+        def race(fraction: Callable[[float], None], case: Any = case) -> dict[str, Any]:
+            return measure_peers(case, suite, assets, python=peers_python, cache=cache, fraction=fraction).to_json()
+
+        raced.append(PeersResult.from_json(study.step(f"peers {case.name}", settings, PEER_SECONDS, race)))
     result = BenchResult(
         about={
             "date": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
@@ -100,6 +119,7 @@ def run(
         cases=tuple(cases),
         floor=floor,
         preparation=tuple(preparation),
+        peers=tuple(raced),
     )
     result.write(folder / "results.json")
     return result
@@ -122,7 +142,7 @@ def _preparation(size: tuple[int, int, int, int]) -> Callable[[Callable[[float],
 
 def _needed(suite: Suite) -> list[str]:
     """Names of all assets."""
-    cases = (*suite.all_cases, FLOOR_CASE)
+    cases = (*suite.all_cases, *PEER_CASES, FLOOR_CASE)
     return sorted({case.map for case in cases} | {case.scene for case in cases})
 
 

@@ -15,6 +15,7 @@ from .output import write_json
 
 if TYPE_CHECKING:
     from ..bench import BenchResult
+    from ..bench.peers.records import PeersResult
 
 _TABLE_WIDTH = 150
 """Where the output is no terminal."""
@@ -33,6 +34,8 @@ _SUITES = ("quick", "full")
 @click.option("-o", "--output", metavar="FOLDER", help="Folder of the results.  [default: bench-SUITE]")
 @click.option("--assets", "assets", metavar="DIR", help="Look there first for maps and meshes.")
 @click.option("-m", "--variant", help="Mitsuba variant.  [default: cuda_ad_rgb where it works, else llvm_ad_rgb]")
+@click.option("--peers", is_flag=True, help="Measure Cycles and LuxCore in the same scene too: stratalux[peers].")
+@click.option("--peers-python", metavar="PYTHON", help="Interpreter that has their packages.  [default: this one]")
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 def bench(suite: str, **options: Any) -> None:
     """Measure the default technique against the best of Mitsuba's own, at equal error, on real maps and meshes.
@@ -45,6 +48,7 @@ def bench(suite: str, **options: Any) -> None:
     Examples:
       stratalux bench
       stratalux bench --suite full -o out/bench
+      stratalux bench --peers
       stratalux bench -q --json - | jq .summary.surface
     """
     from .. import bench as benchmark  # Mitsuba is imported here, not before --help
@@ -75,6 +79,8 @@ def bench(suite: str, **options: Any) -> None:
             assets=options["assets"],
             folder=folder,
             variant=options["variant"],
+            peers=options["peers"] or options["peers_python"] is not None,
+            peers_python=options["peers_python"],
             progress=lambda done, what: bar.update(task, completed=done, description=what),
         )
     missing = why_no_picture()
@@ -128,6 +134,8 @@ def _print(result: BenchResult) -> None:
                 f"{title}: geometric mean {summary['ratio']:.2f} ({means}); ahead in {summary['ahead']} of "
                 f"{summary['cases']}; worst {summary['worst']['case']} {summary['worst']['ratio']:.2f}"
             )
+    for raced in result.peers:
+        _print_peers(console, raced)
     floor = result.floor
     console.print(
         f"64 strata, 4 proposals: {floor['ratio']['median']:.2f} times the time of as many bare shadow rays "
@@ -142,3 +150,27 @@ def _print(result: BenchResult) -> None:
             f"regions of the paper's scheme {pinned:.3g} s, on top of Mitsuba's {array:.3g} s from memory, "
             f"{file:.3g} s from a file"
         )
+
+
+def _print_peers(console: Console, raced: PeersResult) -> None:
+    spp = ", ".join(str(point.spp) for point in raced.ours.points)
+    table = Table(title=f"{raced.case.name}: seconds to the errors of our {spp} spp", title_justify="left")
+    table.add_column("renderer", overflow="fold")
+    for name in ("seconds", "speed-up", "mean over reference's", "plateau of relMSE"):
+        table.add_column(name, justify="right")
+    ours = ", ".join(f"{point.seconds.median:.2g}" for point in raced.ours.points)
+    table.add_row("Stratalux, stratified", ours, "1", "-", "-")
+    for peer in raced.peers:
+        if peer.failure is not None:
+            console.print(f"note: {peer.failure}", markup=False)
+        verdict = raced.verdict(peer)
+        if verdict is None or peer.curve is None:
+            continue
+        table.add_row(
+            peer.curve.configuration.label,
+            ", ".join(f"{duel.theirs:.3g}{'*' * duel.outside}" for duel in verdict.duels),
+            f"{verdict.ratio:.3g} ({verdict.lowest:.3g}-{verdict.highest:.3g})",
+            f"{peer.agreement:.4f}",
+            "-" if peer.plateau is None else f"{peer.plateau:.1e} ± {peer.plateau_noise:.0e}",
+        )
+    console.print(table)

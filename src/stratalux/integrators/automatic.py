@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -11,23 +13,35 @@ from numpy.typing import NDArray
 
 from ..adaptive import Plan, plan_samples
 from ..environment import MapCache, MapLight
+from ..envmap import EnvironmentMap
 from ..leaf_sampler import LeafSampler
-from ..points import mix, sobol_2d
+from ..points import mix
 from .common import DirectIntegrator
-from .light_samples import FreshLight, SharedLight
+from .launch import Launcher
+from .light_samples import FreshLight
 from .lobes import Allocation
 from .nested_strata import NestedStrata, PixelPoints
+from .variate import MatteVariate
 
 _Pixels = NDArray[np.float32]
 
 LAUNCH = 1 << 21
 """Camera samples of one launch, about: a second on two cores."""
-PILOT_FROM = 4
-"""Samples per pixel from which a pilot pays."""
 PARTS = 4
-"""Of a pilot, whose differences tell its error; two where it has only two samples."""
+"""Of a pilot, whose differences tell its error."""
 DIM = 0.15
 """Of the map's mean radiance: surfaces darker than that are not thought to be looked at for their noise."""
+
+
+class NestedTables(LeafSampler):
+    """The leaves of the whole map, and the variate for what is matte; spectral variants have none."""
+
+    def __init__(self, environment: EnvironmentMap) -> None:
+        super().__init__(environment)
+        self.variate = None if mi.is_spectral else MatteVariate(environment.texels)
+
+    def arrays(self) -> tuple[Any, ...]:
+        return *super().arrays(), *(self.variate.arrays() if self.variate else ())
 
 
 class AutomaticSample(DirectIntegrator):
@@ -38,10 +52,10 @@ class AutomaticSample(DirectIntegrator):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        self._cache: MapCache[LeafSampler] = MapCache(LeafSampler)
+        self._cache: MapCache[NestedTables] = MapCache(NestedTables)
         self._scene: mi.Scene | None = None
 
-    def prepare(self, scene: mi.Scene) -> MapLight[LeafSampler] | None:
+    def prepare(self, scene: mi.Scene) -> MapLight[NestedTables] | None:
         """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
         light = self._cache.get(scene)
         if light is not None and self._scene is not scene:
@@ -51,7 +65,7 @@ class AutomaticSample(DirectIntegrator):
     def environment_light(
         self,
         scene: mi.Scene,
-        light: MapLight[LeafSampler],
+        light: MapLight[NestedTables],
         sampler: mi.Sampler | PixelPoints,
         si: mi.SurfaceInteraction3f,
         bsdf: mi.BSDFPtr,
@@ -59,7 +73,12 @@ class AutomaticSample(DirectIntegrator):
     ) -> mi.Spectrum:
         points = sampler if isinstance(sampler, PixelPoints) else PixelPoints.of(sampler)
         samples = points.samples or FreshLight(light, points.seed)
-        return NestedStrata(self._allocation, points, samples).estimate(scene, light, si, bsdf, active)
+        variate = light.tables.variate if points is sampler else None
+        return NestedStrata(self._allocation, points, samples, variate).estimate(scene, light, si, bsdf, active)
+
+    def arrays(self) -> tuple[mi.UInt32, ...]:
+        """All arrays that a kernel of the last scene prepared reads, besides those of the scene and of its light."""
+        return self._allocation.arrays()
 
     def to_string(self) -> str:
         return "DirectStratified[automatic]"
@@ -77,6 +96,7 @@ class Automatic(AutomaticSample):
         super().__init__(props)
         self._plain = AutomaticSample(props)
         self._plain._cache = self._cache
+        self._launcher: Launcher | None = None
 
     def render(
         self,
@@ -115,124 +135,140 @@ class Automatic(AutomaticSample):
         light = self.prepare(scene)
         assert light is not None
         sensor.film().prepare([])
-        view = _View(self, scene, sensor, light)
+        view = _View(self._launcher_of(scene, sensor), light)
         seed = mi.UInt32(seed)
         dr.make_opaque(seed)  # or every value would be compiled into a kernel of its own
 
-        few = spp if spp < PILOT_FROM else _pilot(spp)
+        few = _pilot(spp)
         parts = min(PARTS, few)
-        groups = None if few == spp else dr.zeros(mi.Float, 3 * parts * view.pixels)
+        pilot = _Pilot(view, few, parts)
         dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
-        block = view.film.create_block()
-        rows = max(1, LAUNCH // (few * view.width))
-        for top in range(0, view.height, rows):
-            bottom = min(view.height, top + rows)
-            view.even(block, groups, parts, seed, few, dim, top, bottom)
-            if bottom < view.height:
-                yield _image(block), few * bottom / view.height
-        pilot = _image(block)
-        yield pilot, float(few)
-        if groups is None:
+        for rendered in pilot.passes(seed, dim):
+            if rendered < few:
+                yield pilot.image(0), rendered
+        plan = pilot.plan(dim, spp)
+        yield pilot.image(plan.share), float(few)
+        if few == spp:
             return
 
-        plan = view.plan(groups, parts, few, dim, spp)
         counts = plan.counts.ravel() - few
-        expected = mi.Float(np.maximum(plan.level, dim).astype(np.float32).ravel())
+        expected, share = (mi.Float(x.astype(np.float32).ravel()) for x in (np.maximum(plan.level, dim), plan.share))
         rounds = -(-int(counts.sum()) // LAUNCH)
         block = view.film.create_block()
+        first = pilot.image(plan.share)
         for k in range(rounds):
-            samples = SharedLight(light, mix(seed + mi.UInt32(k + 1)))
             start, end = k * counts // rounds, (k + 1) * counts // rounds
-            view.uneven(block, seed, samples, few + start, end - start, counts, expected)
+            lanes = view.samples(few + start, end - start, seed, expected, mix(mix(seed) + mi.UInt32(k + 1)))
+            lanes.L += dr.gather(mi.Float, share, lanes.pixel) * lanes.difference
+            view.put(block, lanes, dr.rcp(mi.Float(dr.gather(mi.UInt32, _unsigned(counts), lanes.pixel))))
+            dr.eval(block.tensor())
             done = end.reshape(plan.counts.shape)
-            yield _combined(pilot, _image(block), few, done), few + float(done.mean())
+            yield _combined(first, _image(block), few, done), few + float(done.mean())
+
+    def _launcher_of(self, scene: mi.Scene, sensor: mi.Sensor) -> Launcher:
+        if self._launcher is None or self._launcher.scene is not scene or self._launcher.sensor is not sensor:
+            self._launcher = Launcher(self, scene, sensor)
+        return self._launcher
+
+
+@dataclass
+class _Lanes:
+    """Camera samples: ``index`` within its ``pixel``, radiance ``L``, the variate's ``difference``, and place."""
+
+    pixel: mi.UInt32
+    index: mi.UInt32
+    L: mi.Spectrum
+    difference: mi.Spectrum
+    valid: mi.Bool
+    place: mi.Point2f
 
 
 class _View:
-    """The pixels of a sensor, and the launches that give them samples."""
+    """The film of a sensor, and launches of samples for it."""
 
-    def __init__(self, integrator: Automatic, scene: mi.Scene, sensor: mi.Sensor, light: MapLight[LeafSampler]) -> None:
-        self.integrator, self.scene, self.sensor, self.light = integrator, scene, sensor, light
-        self.film = sensor.film()
+    def __init__(self, launcher: Launcher, light: MapLight[NestedTables]) -> None:
+        self.launcher, self.light = launcher, light
+        self.film = launcher.sensor.film()
         self.width, self.height = (int(side) for side in self.film.crop_size())
         self.pixels = self.width * self.height
 
-    def even(
+    def samples(
         self,
-        block: mi.ImageBlock,
-        groups: mi.Float | None,
-        parts: int,
-        seed: mi.UInt32,
-        count: int,
-        expected: float,
-        top: int,
-        bottom: int,
-    ) -> None:
-        """``count`` samples of every pixel of some rows; sums over ``parts`` of a pixel's samples go to ``groups``."""
-        lane = dr.arange(mi.UInt32, (bottom - top) * self.width * count)
-        each = dr.opaque(mi.UInt32, count)
-        pixel = lane // each
-        index = lane - pixel * each
-        pixel += dr.opaque(mi.UInt32, top * self.width)
-        points = PixelPoints(index, mix(pixel ^ mix(seed)), None, dr.opaque(mi.Float, expected))
-        L = self._samples(block, pixel, points, mi.Float(1))
-        if groups is not None:
-            group = index * dr.opaque(mi.UInt32, parts) // each
-            for c in range(3):
-                dr.scatter_add(groups, L[c % dr.size_v(mi.Spectrum)], 3 * (group * self.pixels + pixel) + c)
-        dr.eval(block.tensor(), groups)
-
-    def uneven(
-        self,
-        block: mi.ImageBlock,
-        seed: mi.UInt32,
-        samples: SharedLight,
         first: NDArray[np.int64],
         number: NDArray[np.int64],
-        counts: NDArray[np.int64],
+        seed: mi.UInt32,
         expected: mi.Float,
-    ) -> None:
-        """Of the samples of each pixel, ``number`` from the ``first`` on, which share a weight with all ``counts``."""
+        shared: mi.UInt32 | None,
+    ) -> _Lanes:
+        """``number`` samples of each pixel, from the ``first`` on; ``expected`` is one for each, or one for all."""
         pixel = mi.UInt32(np.repeat(np.arange(self.pixels, dtype=np.uint32), number))
         before = np.cumsum(number) - number - first  # the first lane of a pixel, less the index of its sample
         index = dr.arange(mi.UInt32, dr.width(pixel)) - dr.gather(mi.UInt32, _unsigned(before), pixel)
-        points = PixelPoints(index, mix(pixel ^ mix(seed)), samples, dr.gather(mi.Float, expected, pixel))
-        self._samples(block, pixel, points, dr.rcp(mi.Float(dr.gather(mi.UInt32, _unsigned(counts), pixel))))
-        dr.eval(block.tensor())
+        if dr.width(expected) > 1:
+            expected = dr.gather(mi.Float, expected, pixel)
+        dr.eval(index, expected)
+        return _Lanes(pixel, index, *self.launcher.samples(self.light, pixel, index, seed, expected, shared))
 
-    def _samples(self, block: mi.ImageBlock, pixel: mi.UInt32, points: PixelPoints, weight: mi.Float) -> mi.Spectrum:
-        """A camera sample for each lane, put into the block with its ``weight``; their radiance."""
-        y = pixel // dr.opaque(mi.UInt32, self.width)
-        corner = mi.Vector2f(mi.Float(pixel - y * dr.opaque(mi.UInt32, self.width)), mi.Float(y))
-        position = corner + sobol_2d(points.index, mix(points.seed ^ 0x51633E2D))
-        sensor = self.sensor
-        aperture = points.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
-        time = mi.Float(sensor.shutter_open())
-        if sensor.shutter_open_time() > 0:
-            time += points.next_1d() * sensor.shutter_open_time()
-        ray, importance = sensor.sample_ray_differential(
-            time, mi.Float(0), position / mi.ScalarVector2f(self.film.crop_size()), aperture
-        )
-        L, valid = self.integrator.radiance(self.scene, self.light, points, ray, True)
-        L = L * importance
-        box = self.film.rfilter().is_box_filter()
-        place = (corner if box else position) + mi.Vector2f(self.film.crop_offset())
-        block.put(place, [], L * weight, dr.select(valid, weight, 0), weight)
-        return L
+    def put(self, block: mi.ImageBlock, lanes: _Lanes, weight: mi.Float) -> None:
+        """Add the radiance of samples to ``block``."""
+        place = lanes.place
+        if self.film.rfilter().is_box_filter():
+            width = dr.opaque(mi.UInt32, self.width)
+            row = lanes.pixel // width
+            place = mi.Point2f(mi.Float(lanes.pixel - row * width), mi.Float(row))
+        place += mi.Vector2f(self.film.crop_offset())
+        block.put(place, [], lanes.L * weight, dr.select(lanes.valid, weight, 0), weight)
 
-    def plan(self, groups: mi.Float, parts: int, count: int, dim: float, budget: int) -> Plan:
-        """What follows from the sums of a pilot of ``count`` samples."""
-        means = groups.numpy().reshape(parts, self.height, self.width, 3) * (parts / count)
-        filter = self.film.rfilter()
-        if filter.is_box_filter():
-            return plan_samples(means, dim, budget, count)
-        # A sample counts in several pixels, so each needs later ones.
-        return plan_samples(means, dim, budget, 2 * count, int(np.ceil(filter.radius() - 0.5)))
+
+class _Pilot:
+    """A few samples of every pixel, and what follows from them."""
+
+    def __init__(self, view: _View, count: int, parts: int) -> None:
+        self.view, self.count, self.parts = view, count, parts
+        self._images = view.film.create_block(), view.film.create_block()
+        self._sums = dr.zeros(mi.Float, 6 * parts * view.pixels)
+
+    def passes(self, seed: mi.UInt32, dim: float) -> Iterator[float]:
+        """Launch by launch, the samples per pixel so far."""
+        view, count = self.view, self.count
+        none, expected = np.zeros(view.pixels, dtype=np.int64), dr.opaque(mi.Float, dim)
+        rounds = -(-view.pixels * count // LAUNCH)
+        for k in range(rounds):
+            start, end = k * view.height // rounds * view.width, (k + 1) * view.height // rounds * view.width
+            number = none.copy()
+            number[start:end] = count
+            lanes = view.samples(none, number, seed, expected, None)
+            group = lanes.index * dr.opaque(mi.UInt32, self.parts) // dr.opaque(mi.UInt32, count)
+            for c in range(6):
+                value = (lanes.L, lanes.difference)[c // 3][c % 3 % dr.size_v(mi.Spectrum)]
+                dr.scatter_add(self._sums, value, 6 * (group * view.pixels + lanes.pixel) + c)
+            weight = dr.opaque(mi.Float, 1 / count)
+            view.put(self._images[0], lanes, weight)
+            lanes.L = lanes.difference
+            view.put(self._images[1], lanes, weight)
+            dr.eval(*(block.tensor() for block in self._images), self._sums)
+            yield count * end / view.pixels
+
+    def image(self, share: NDArray[np.float64] | float) -> _Pixels:
+        """The image, with a ``share`` of the variate's difference in each pixel."""
+        image, difference = (_image(block) for block in self._images)
+        image[..., :-1] += np.asarray(share, dtype=np.float32)[..., None] * difference[..., :-1]
+        return image
+
+    def plan(self, dim: float, budget: int) -> Plan:
+        """How to go on."""
+        view = self.view
+        means = self._sums.numpy().reshape(self.parts, view.height, view.width, 2, 3) * (self.parts / self.count)
+        filter = view.film.rfilter()
+        box = filter.is_box_filter()
+        # With a wider filter, a sample counts in several pixels, so each needs later ones.
+        least, footprint = (self.count, 0) if box else (2 * self.count, int(np.ceil(filter.radius() - 0.5)))
+        return plan_samples(means[..., 0, :], means[..., 1, :], dim, max(budget, least), least, footprint)
 
 
 def _pilot(spp: int) -> int:
     """Samples of a pilot for ``spp`` in all, a power of two."""
-    return max(2, (1 << spp.bit_length()) >> 4)
+    return max(1, (1 << spp.bit_length()) >> 4)
 
 
 def _unsigned(numbers: NDArray[np.int64]) -> mi.UInt32:

@@ -42,13 +42,20 @@ class DirectIntegrator(mi.SamplingIntegrator):
         active: mi.Bool | bool = True,
     ) -> tuple[mi.Spectrum, mi.Bool, list[mi.Float]]:
         """Radiance along ``ray``, whether it hit something, and no AOVs (Mitsuba's integrator interface)."""
-        return *self.radiance(scene, self.prepare(scene), sampler, ray, active), []
+        prepared = self.prepare(scene)
+        others = OtherEmitters(scene, prepared is not None)
+        return *self.radiance(scene, prepared, others, sampler, ray, active), []
 
     def radiance(
-        self, scene: mi.Scene, prepared: Any, sampler: mi.Sampler, ray: mi.RayDifferential3f, active: mi.Bool | bool
+        self,
+        scene: mi.Scene,
+        prepared: Any,
+        others: OtherEmitters,
+        sampler: mi.Sampler,
+        ray: mi.RayDifferential3f,
+        active: mi.Bool | bool,
     ) -> tuple[mi.Spectrum, mi.Bool]:
         """Radiance along ``ray``, and whether it hit something; ``prepared`` is what :meth:`prepare` returns."""
-        others = OtherEmitters(scene, prepared is not None)
         active = mi.Bool(active)
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=active)
         L = mi.Spectrum(0)
@@ -139,6 +146,10 @@ class OtherEmitters:
         if self.lights:
             self._emitters = scene.emitters_dr()
             self._distribution = mi.DiscreteDistribution(weights)
+
+    def arrays(self) -> tuple[Any, ...]:
+        """What kernels read besides the scene's own."""
+        return (self._emitters, self._distribution) if self.lights else ()
 
     def emitter_sampling(
         self, scene: mi.Scene, sampler: mi.Sampler, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool

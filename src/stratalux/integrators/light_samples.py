@@ -47,11 +47,8 @@ class SharedLight:
         leaf = dr.arange(mi.UInt32, light.tables.count)
         si = dr.zeros(mi.SurfaceInteraction3f)
         d, luminance, L_p = FreshLight(light, mix(seed)).draw(leaf, leaf, si, mi.Bool(True))
-        self._records = dr.empty(mi.Float, 8 * light.tables.count)
         channels = [*L_p, *[0] * (4 - dr.size_v(mi.Spectrum))]
-        # With any other mode, each of the two would be a kernel of its own.
-        dr.scatter(self._records, mi.Vector4f(*d, luminance), 2 * leaf, mode=dr.ReduceMode.NoConflicts)
-        dr.scatter(self._records, mi.Vector4f(*channels), 2 * leaf + 1, mode=dr.ReduceMode.NoConflicts)
+        self._records = dr.ravel(mi.ArrayXf([*d, luminance, *channels]))
         dr.eval(self._records)
 
     def draw(

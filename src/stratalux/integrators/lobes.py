@@ -8,10 +8,11 @@ import mitsuba as mi
 _DIRECTIONS = 256
 """Test directions for each surface."""
 
-_SHARES = ((0.22, 16, 0), (0.32, 8, 4), (3.0, 16, 2), (float("inf"), 4, 6))
-"""Concentration in sr⁻¹ up to which a row holds, light samples, BSDF samples. A diffuse surface has 0.2 sr⁻¹, a plastic
+_SHARES = ((0.22, 16, 0, True), (0.32, 4, 2, True), (3.0, 4, 4, False), (float("inf"), 2, 3, False))
+"""Concentration in sr⁻¹ up to which a row holds, light samples, BSDF samples, and whether it has a matte part that is
+worth a control variate. A diffuse surface has 0.2 sr⁻¹, a plastic
 with a gloss of 0.14 has 0.26, a GGX conductor of roughness 0.14 has 1.3 and of roughness 0.05 has 9."""
-MOST_RAYS = max(N + K for _, N, K in _SHARES)
+MOST_RAYS = max(N + K for _, N, K, _ in _SHARES)
 _UNKNOWN = 2
 """The row of BSDFs that are not seen in the list of shapes, as those of instances."""
 
@@ -25,17 +26,22 @@ class Allocation:
 
     def __init__(self, scene: mi.Scene) -> None:
         self._rows, used = _rows(scene)
-        self._table = mi.UInt32([N | K << 16 for _, N, K in _SHARES])
+        self._table = mi.UInt32([N | K << 16 | matte << 31 for _, N, K, matte in _SHARES])
         used |= {_UNKNOWN} if _has_instances(scene) else set()
         self.any_bsdf_samples = any(_SHARES[row][2] for row in used)
+        self.any_matte = any(_SHARES[row][3] for row in used)
 
-    def of(self, bsdf: mi.BSDFPtr, active: mi.Bool) -> tuple[mi.UInt32, mi.UInt32]:
-        """N and K at each lane."""
+    def arrays(self) -> tuple[mi.UInt32, ...]:
+        """What kernels read."""
+        return self._rows, self._table
+
+    def of(self, bsdf: mi.BSDFPtr, active: mi.Bool) -> tuple[mi.UInt32, mi.UInt32, mi.Bool]:
+        """N, K, and whether to use the variate, at each lane."""
         identity = dr.reinterpret_array(mi.UInt32, bsdf)
         known = active & (identity < dr.width(self._rows))
         row = dr.select(known, dr.gather(mi.UInt32, self._rows, identity, known), _UNKNOWN)
         shares = dr.gather(mi.UInt32, self._table, row, active)
-        return shares & 0xFFFF, shares >> 16
+        return shares & 0xFFFF, shares >> 16 & 0x7FFF, shares >> 31 != 0
 
 
 def concentration(bsdf: mi.BSDFPtr, sampler: mi.Sampler) -> mi.Float:
@@ -72,7 +78,7 @@ def _rows(scene: mi.Scene) -> tuple[mi.UInt32, set[int]]:
     dr.scatter_add(weight, mi.Float(drawn), shape)
     value = dr.select(weight > 0, dr.exp(total / weight), 0)
     row = mi.UInt32(0)
-    for limit, _, _ in _SHARES[:-1]:
+    for limit, *_ in _SHARES[:-1]:
         row += mi.UInt32(dr.select(value > limit, 1, 0))
     identity = dr.reinterpret_array(
         mi.UInt32, dr.gather(mi.ShapePtr, scene.shapes_dr(), dr.arange(mi.UInt32, count)).bsdf()

@@ -11,6 +11,7 @@ from ..points import mix, shuffle, sobol_2d, unit_float, van_der_corput
 from .common import target
 from .light_samples import FreshLight, SharedLight, launch_seed
 from .lobes import Allocation
+from .variate import MatteVariate
 
 _LEAVES, _LOBES = 0x3C6EF372, 0x0A54FF53
 """Distinguish the points of the map from those of the BSDF."""
@@ -34,6 +35,8 @@ class PixelPoints:
         expected: mi.Float | None = None,
     ) -> None:
         self.index, self.seed, self.samples, self.expected = index, seed, samples, expected
+        self.difference = mi.Spectrum(0)
+        """After an estimate: the variate's integral less its estimate, 0 on average."""
         self._dimension = 0
 
     @classmethod
@@ -78,8 +81,14 @@ class NestedStrata:
     :data:`WORTH_A_RAY` times its share gets a ray with a probability in proportion, and the reciprocal weight.
     """
 
-    def __init__(self, allocation: Allocation, points: PixelPoints, samples: FreshLight | SharedLight) -> None:
-        self.allocation, self.points, self.samples = allocation, points, samples
+    def __init__(
+        self,
+        allocation: Allocation,
+        points: PixelPoints,
+        samples: FreshLight | SharedLight,
+        variate: MatteVariate | None = None,
+    ) -> None:
+        self.allocation, self.points, self.samples, self.variate = allocation, points, samples, variate
 
     @dr.syntax
     def estimate(
@@ -93,10 +102,17 @@ class NestedStrata:
         """Direct light of the environment map at ``si`` from smooth lobes."""
         ctx = mi.BSDFContext()
         ctx.type_mask = int(mi.BSDFFlags.Smooth)
-        N, K = self.allocation.of(bsdf, active)
+        N, K, matte = self.allocation.of(bsdf, active)
         n, K_f = mi.Float(N), mi.Float(K)
         density = n / (light.tables.energy * light.scale)  # N p̃ is this times the luminance
         L_o = mi.Spectrum(0)
+        varied = self.variate is not None and self.allocation.any_matte
+        H = mi.Spectrum(0)  # Of the variate
+        normal, albedo = mi.Vector3f(0), mi.Spectrum(0)
+        if dr.hint(varied, mode="scalar"):
+            normal = si.sh_frame.n * dr.sign(mi.Frame3f.cos_theta(si.wi))
+            matte &= active
+            albedo = dr.select(matte, bsdf.eval_diffuse_reflectance(si, matte) / dr.pi, 0)
 
         # ---------------- Light samples, one in each stratum ----------------
         seed = mix(self.points.seed ^ _LEAVES)
@@ -105,16 +121,20 @@ class NestedStrata:
         while active & (k < N):
             where = van_der_corput(first + k, self.points.seed)  # in units of 2⁻³² along the leaves
             d, luminance, L_p = self.samples.draw(where >> (32 - light.tables.depth), where, si, active)
+            w = mi.Float(1)
             if dr.hint(self.allocation.any_bsdf_samples, mode="scalar"):
                 f, p_b = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
                 p = density * luminance
-                f *= dr.select(K_f * p_b > 0, p / (p + K_f * p_b), 1)
+                w = dr.select((K_f * p_b > 0) & dr.any(f != 0), p / (p + K_f * p_b), 1)
             else:
                 f = bsdf.eval(ctx, si, si.to_local(d), active)
-            g = L_p * f / n
+            L_p *= w / n
+            g = L_p * f
             lit, g = self._worth_a_ray(g, n, mix(seed ^ (first + k)), active)
             lit &= ~scene.ray_test(si.spawn_ray(d), lit)
             L_o += dr.select(lit, g, 0)
+            if dr.hint(varied, mode="scalar"):
+                H += L_p * MatteVariate.cosine(dr.dot(normal, d))
             k += 1
 
         # ----------------- BSDF samples, where they help ---------------------
@@ -128,11 +148,18 @@ class NestedStrata:
                 found = active & (bs.pdf > 0) & dr.any(weight != 0)
                 d = si.to_world(bs.wo)
                 L = light.radiance_towards(d, si, found)
-                g = L * weight * (bs.pdf / (density * target(L) + K_f * bs.pdf))
+                L = dr.select(found, L / (density * target(L) + K_f * bs.pdf), 0)
+                g = L * weight * bs.pdf
                 found, g = self._worth_a_ray(g, K_f, mix(seed ^ (first + k)), found)
                 found &= ~scene.ray_test(si.spawn_ray(d), found)
                 L_o += dr.select(found, g, 0)
+                if dr.hint(varied, mode="scalar"):
+                    H += L * MatteVariate.cosine(dr.dot(normal, d))
                 k += 1
+
+        if self.variate is not None and self.allocation.any_matte:
+            integral = self.variate.integral(light.from_world(normal)) * light.scale
+            self.points.difference = albedo * (integral - H)
         return L_o
 
     def _worth_a_ray(

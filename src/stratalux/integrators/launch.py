@@ -1,0 +1,120 @@
+"""Camera samples of chosen pixels: traced and compiled once for a camera, replayed from then on."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import drjit as dr
+import mitsuba as mi
+
+from ..environment import MapLight
+from ..points import mix, sobol_2d
+from .common import OtherEmitters
+from .light_samples import SharedLight
+from .nested_strata import PixelPoints
+
+if TYPE_CHECKING:
+    from .automatic import AutomaticSample, NestedTables
+
+_RECORDINGS = 8
+"""Kept for one camera: with and without shared samples, and some changes of what is compiled into kernels."""
+
+_Samples = tuple[mi.Spectrum, mi.Spectrum, mi.Bool, mi.Point2f]
+
+
+class Launcher:
+    """Takes camera samples of a ``sensor``. Python traces a kernel in 5 to 10 ms, as long as small images render.
+
+    What the scene has in arrays may change from launch to launch. Everything else that Mitsuba lets be changed is
+    compared at each, and traced anew if it differs.
+    """
+
+    def __init__(self, integrator: AutomaticSample, scene: mi.Scene, sensor: mi.Sensor) -> None:
+        self.integrator, self.scene, self.sensor = integrator, scene, sensor
+        self._light: MapLight[NestedTables] | None = None
+        self._others: OtherEmitters | None = None
+        self._replayed: Callable[..., _Samples] = dr.freeze(
+            self._samples, state_fn=self._state, limit=_RECORDINGS, warn_after=1 << 30
+        )
+
+    def samples(
+        self,
+        light: MapLight[NestedTables],
+        pixel: mi.UInt32,
+        index: mi.UInt32,
+        seed: mi.UInt32,
+        expected: mi.Float,
+        shared: mi.UInt32 | None,
+    ) -> _Samples:
+        """Of sample ``index`` of each ``pixel``: radiance, difference of the variate, alpha, and place in pixels.
+
+        ``seed``: of the points of all pixels, opaque. ``expected``: luminance at each lane, or one for all.
+        ``shared``: seed of the samples of the map that all lanes share; None where each is to have its own.
+        """
+        self._light, self._others = light, OtherEmitters(self.scene, True)
+        size = self.sensor.film().crop_size()
+        width, extent = mi.UInt32(int(size[0])), mi.Vector2f(float(size[0]), float(size[1]))
+        dr.make_opaque(width, extent)
+        with _no_garbage_collection():
+            return self._replayed(self.scene, self.sensor, width, extent, pixel, index, seed, expected, shared)
+
+    def _samples(
+        self,
+        scene: mi.Scene,
+        sensor: mi.Sensor,
+        width: mi.UInt32,
+        extent: mi.Vector2f,
+        pixel: mi.UInt32,
+        index: mi.UInt32,
+        seed: mi.UInt32,
+        expected: mi.Float,
+        shared: mi.UInt32 | None,
+    ) -> _Samples:
+        assert self._light is not None and self._others is not None
+        samples = None if shared is None else SharedLight(self._light, shared)
+        points = PixelPoints(index, mix(pixel ^ mix(seed)), samples, expected)
+        row = pixel // width
+        place = mi.Vector2f(mi.Float(pixel - row * width), mi.Float(row))
+        place += sobol_2d(points.index, mix(points.seed ^ 0x51633E2D))
+        aperture = points.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
+        time = mi.Float(sensor.shutter_open())
+        if sensor.shutter_open_time() > 0:
+            time += points.next_1d() * sensor.shutter_open_time()
+        ray, importance = sensor.sample_ray_differential(time, mi.Float(0), mi.Point2f(place / extent), aperture)
+        L, valid = self.integrator.radiance(scene, self._light, self._others, points, ray, True)
+        return L * importance, points.difference * importance, valid, mi.Point2f(place)
+
+    def _state(self, scene: mi.Scene, sensor: mi.Sensor, *_: Any) -> Any:
+        """What a launch depends on besides its arguments."""
+        light, others = self._light, self._others
+        assert light is not None and others is not None
+        arrays = light.arrays(), light.tables.arrays(), self.integrator.arrays(), others.arrays()
+        return arrays, light.tables.depth, self.integrator.hide_emitters, (*_constants(scene), *_constants(sensor))
+
+
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """A scene that is freed while a function is recorded aborts the process (Dr.Jit 1.5.0)."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def _constants(part: mi.Object) -> Iterator[Hashable]:
+    """What may be compiled into a kernel: numbers that are no arrays, and the shapes of those that are."""
+    params = mi.traverse(part)
+    for name in params.keys():  # noqa: SIM118
+        value = params[name]
+        if dr.is_tensor_v(value):
+            yield tuple(value.shape)
+        elif isinstance(value, bool | int | float | str):
+            yield value
+        elif dr.is_array_v(value) and not dr.is_jit_v(value):
+            yield str(value)
