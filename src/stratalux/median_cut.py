@@ -36,10 +36,12 @@ def median_cut(environment: EnvironmentMap, n: int) -> Regions:
             chosen = np.sort(chosen[np.argsort(-energy, kind="stable")[: n - len(bounds)]])
         first, second, cuttable = _cut(table, bounds[chosen], (height, width))
         closed[chosen[~cuttable]] = True
-        chosen, first, second = chosen[cuttable], first[cuttable], second[cuttable]
-        bounds[chosen] = first
-        bounds = np.insert(bounds, chosen + 1, second, axis=0)
-        closed = np.insert(closed, chosen + 1, False)
+        chosen = chosen[cuttable]
+        parts = np.ones(len(bounds), dtype=np.int64)
+        parts[chosen] = 2
+        bounds, closed = np.repeat(bounds, parts, axis=0), np.repeat(closed, parts)
+        place = np.cumsum(parts)[chosen] - 2
+        bounds[place], bounds[place + 1] = first[cuttable], second[cuttable]
     return Regions(bounds, np.maximum(_energy(table, bounds), 0), (height, width))
 
 
