@@ -177,7 +177,7 @@ llvm_elsewhere() { # an LLVM library in a place where Dr.Jit does not look, and 
 install_llvm() { # install_llvm WHAT: what is wrong
     what=$1
     if [ -n "${DRJIT_LIBLLVM_PATH:-}" ]; then
-        need "Dr.Jit cannot load DRJIT_LIBLLVM_PATH=$DRJIT_LIBLLVM_PATH." "unset DRJIT_LIBLLVM_PATH"
+        need "$what DRJIT_LIBLLVM_PATH=$DRJIT_LIBLLVM_PATH asks for it." "unset DRJIT_LIBLLVM_PATH"
     fi
     if ! has_apt || ! can_install; then
         found=$(llvm_elsewhere)

@@ -10,10 +10,12 @@ import sys
 import time
 from pathlib import Path
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
 
+from stratalux import variants
 from stratalux.cli import cli
 from stratalux.rigs import RIGS
 from stratalux.techniques import techniques
@@ -147,6 +149,15 @@ def test_doctor_and_completion(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     for shell in ("bash", "zsh", "fish"):
         assert run(monkeypatch, "completion", shell) == 0
         assert "_STRATALUX_COMPLETE" in capsys.readouterr().out
+
+
+def test_doctor_where_llvm_aborts(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert not variants.llvm_aborts()
+    monkeypatch.setattr(variants, "llvm_aborts", lambda: True)
+    monkeypatch.setattr(variants.dr, "has_backend", lambda backend: backend == dr.JitBackend.LLVM)
+    assert run(monkeypatch, "doctor") == 1
+    out = capsys.readouterr().out
+    assert "aborts with this LLVM library" in out and "no variant works" in out
 
 
 COMPARE = ("--size", "24x16", "--rays", "4", "--spp", "1", "--repeats", "1", "--reference-spp", "16")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 
 import drjit as dr
@@ -35,6 +36,14 @@ def llvm_advice() -> str:
     if sys.platform == "darwin":
         return "brew install llvm"
     return "sudo apt-get install libllvm19 (any libllvm from 17 on), or set DRJIT_LIBLLVM_PATH to libLLVM.so"
+
+
+def llvm_aborts() -> bool:
+    """Whether the LLVM library ends a process that runs a kernel, as versions before 17 do on some processors."""
+    program = (
+        "import mitsuba as mi, drjit as dr; mi.set_variant('llvm_ad_rgb'); dr.eval(dr.maximum(mi.Float([1, 2]), 0))"
+    )
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, check=False).returncode < 0
 
 
 def why_not(variant: str) -> str | None:

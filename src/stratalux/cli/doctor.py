@@ -34,11 +34,14 @@ def doctor() -> None:
     llvm = variants.llvm_library()
     where = variants.llvm_path() or "unknown place"
     click.echo(f"{'llvm':12} " + (f"{llvm}  {where}" if llvm else f"not found; {variants.llvm_advice()}"))
+    aborts = llvm is not None and variants.llvm_aborts()
     import mitsuba as mi
 
     works = []
     for variant in mi.variants():
         reason = variants.why_not(variant)
+        if reason is None and aborts and variant.startswith("llvm"):
+            reason = f"aborts with this LLVM library; {variants.llvm_advice()}"
         works += [variant] if reason is None else []
         click.echo(f"{variant:30} {'works' if reason is None else reason}")
     if not works:
