@@ -57,3 +57,19 @@ def test_scenes_and_sensors_take_turns() -> None:
     again = [mi.render(scene, integrator=integrator, spp=4, seed=1).numpy() for scene in scenes]
     np.testing.assert_allclose(first, again, rtol=1e-4, atol=1e-5)
     assert np.abs(first[0] - first[1]).max() > 1e-2
+
+
+def test_a_scene_that_cannot_be_recorded() -> None:
+    """One without shapes; the renders that follow are as good as any."""
+    description = scene_dict("diffuse")
+    empty = {name: part for name, part in description.items() if name not in ("ball", "box", "floor")}
+    integrator = mi.load_dict(OURS)
+    bare, scene = mi.load_dict(empty), mi.load_dict(description)
+    direct = mi.render(bare, integrator=mi.load_dict({"type": "direct"}), spp=64).numpy()
+    for seed in (1, 2):
+        assert mi.render(bare, integrator=integrator, spp=16, seed=seed).numpy().mean() == pytest.approx(
+            direct.mean(), rel=0.02
+        )
+    image = mi.render(scene, integrator=integrator, spp=4, seed=1).numpy()
+    anew = mi.render(scene, integrator=mi.load_dict(OURS), spp=4, seed=1).numpy()
+    np.testing.assert_allclose(image, anew, rtol=1e-4, atol=1e-5)

@@ -58,8 +58,14 @@ class Launcher:
         size = self.sensor.film().crop_size()
         width, extent = mi.UInt32(int(size[0])), mi.Vector2f(float(size[0]), float(size[1]))
         dr.make_opaque(width, extent)
+        arguments = self.scene, self.sensor, width, extent, pixel, index, seed, expected, shared
         with _no_garbage_collection():
-            return self._replayed(self.scene, self.sensor, width, extent, pixel, index, seed, expected, shared)
+            try:
+                return self._replayed(*arguments)
+            except RuntimeError:
+                # Dr.Jit cannot record every scene: not one without shapes, for instance.
+                self._replayed = self._samples
+        return self._samples(*arguments)
 
     def _samples(
         self,
