@@ -109,8 +109,8 @@ FULL = Suite(
             ("teapot", "polished", "forest"),
         )
     ),
-    size=(120, 80),
-    preview_size=(112, 84),
+    size=(180, 120),
+    preview_size=(168, 126),
     reference_spp=2048,
     reference_factor=1,
     ladder=(16, 64, 256),
@@ -118,7 +118,7 @@ FULL = Suite(
     screened=4,
     finalists=2,
     repeats=2,
-    seconds=30.0,
+    seconds=50.0,
     floor_spp=16,
     preparation=((1024, 512, 1024, 11), (16384, 8192, 1024, 3)),
 )
