@@ -16,6 +16,7 @@ from stratalux.integrators.lobes import Allocation
 from tests.helpers import MATERIALS, assert_same_mean, asset, hall_map, runs, scene_dict, sun_map
 
 RUNS = 32
+SLOW = pytest.mark.slow
 MAPS = ("venice", "studio", "forest", "night", "sky", "apartment", "warehouse")
 OURS = {"type": "direct_stratified"}
 SMOOTH = ["diffuse", "roughplastic", "roughconductor", "plastic"]
@@ -60,7 +61,7 @@ def test_a_sun(material: str) -> None:
     assert_same_mean(runs(lit, OURS, 128, RUNS, 0), runs(lit, {"type": "direct"}, 2048, RUNS, 10_000))
 
 
-@pytest.mark.parametrize("material", ["diffuse", "roughconductor", "plastic"])
+@pytest.mark.parametrize("material", ["plastic", *(pytest.param(m, marks=SLOW) for m in ("diffuse", "roughconductor"))])
 def test_with_an_area_light(material: str) -> None:
     lit = scene(material, lamp=lamp())
     assert_same_mean(runs(lit, OURS, 128, RUNS, 0), runs(lit, {"type": "direct"}, 2048, RUNS, 10_000))

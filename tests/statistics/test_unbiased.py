@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tests.helpers import assert_same_mean, asset, runs, scene_dict, sun_map
 
 RUNS = 32
+SLOW = pytest.mark.slow
 
 
 def stratified(strata: int, proposals: int = 1, **more: Any) -> dict[str, Any]:
@@ -31,7 +32,7 @@ def reference(material: str) -> NDArray[Any]:
 
 
 @pytest.mark.parametrize("proposals", [1, 8])
-@pytest.mark.parametrize("strata", [1, 16, 37, 64])
+@pytest.mark.parametrize("strata", [1, pytest.param(16, marks=SLOW), 37, pytest.param(64, marks=SLOW)])
 @pytest.mark.parametrize("material", ["diffuse", "roughplastic", "roughconductor"])
 def test_same_mean_as_direct(material: str, strata: int, proposals: int) -> None:
     scene = mi.load_dict(scene_dict(material))
@@ -64,7 +65,7 @@ def lamp() -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("material", ["diffuse", "roughconductor", "plastic"])
+@pytest.mark.parametrize("material", ["plastic", *(pytest.param(m, marks=SLOW) for m in ("diffuse", "roughconductor"))])
 def test_with_an_area_light(material: str) -> None:
     scene = mi.load_dict(scene_dict(material, lamp=lamp()))
     assert_same_mean(runs(scene, stratified(16, 4), 128, RUNS, 0), runs(scene, {"type": "direct"}, 2048, RUNS, 10_000))
