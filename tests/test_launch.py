@@ -73,3 +73,11 @@ def test_a_scene_that_cannot_be_recorded() -> None:
     image = mi.render(scene, integrator=integrator, spp=4, seed=1).numpy()
     anew = mi.render(scene, integrator=mi.load_dict(OURS), spp=4, seed=1).numpy()
     np.testing.assert_allclose(image, anew, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("spp", [1, 8])
+def test_alpha_knows_nothing_of_the_variate(spp: int) -> None:
+    description = scene_dict("diffuse")
+    description["sensor"]["film"]["pixel_format"] = "rgba"
+    alpha = mi.render(mi.load_dict(description), integrator=mi.load_dict(OURS), spp=spp).numpy()[..., 3]
+    assert alpha.min() >= 0 and alpha.max() == pytest.approx(1, abs=1e-5)

@@ -159,8 +159,9 @@ class Automatic(AutomaticSample):
         for k in range(rounds):
             start, end = k * counts // rounds, (k + 1) * counts // rounds
             lanes = view.samples(few + start, end - start, seed, expected, mix(mix(seed) + mi.UInt32(k + 1)))
-            lanes.L += dr.gather(mi.Float, share, lanes.pixel) * lanes.difference
-            view.put(block, lanes, dr.rcp(mi.Float(dr.gather(mi.UInt32, _unsigned(counts), lanes.pixel))))
+            L = lanes.L + dr.gather(mi.Float, share, lanes.pixel) * lanes.difference
+            weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, _unsigned(counts), lanes.pixel)))
+            view.put(block, lanes, L, lanes.valid, weight)
             dr.eval(block.tensor())
             done = end.reshape(plan.counts.shape)
             yield _combined(first, _image(block), few, done), few + float(done.mean())
@@ -209,15 +210,15 @@ class _View:
         dr.eval(index, expected)
         return _Lanes(pixel, index, *self.launcher.samples(self.light, pixel, index, seed, expected, shared))
 
-    def put(self, block: mi.ImageBlock, lanes: _Lanes, weight: mi.Float) -> None:
-        """Add the radiance of samples to ``block``."""
+    def put(self, block: mi.ImageBlock, lanes: _Lanes, value: mi.Spectrum, alpha: mi.Bool, weight: mi.Float) -> None:
+        """Add a ``value`` and an ``alpha`` to ``block`` at the place of each sample."""
         place = lanes.place
         if self.film.rfilter().is_box_filter():
             width = dr.opaque(mi.UInt32, self.width)
             row = lanes.pixel // width
             place = mi.Point2f(mi.Float(lanes.pixel - row * width), mi.Float(row))
         place += mi.Vector2f(self.film.crop_offset())
-        block.put(place, [], lanes.L * weight, dr.select(lanes.valid, weight, 0), weight)
+        block.put(place, [], value * weight, dr.select(alpha, weight, 0), weight)
 
 
 class _Pilot:
@@ -243,9 +244,8 @@ class _Pilot:
                 value = (lanes.L, lanes.difference)[c // 3][c % 3 % dr.size_v(mi.Spectrum)]
                 dr.scatter_add(self._sums, value, 6 * (group * view.pixels + lanes.pixel) + c)
             weight = dr.opaque(mi.Float, 1 / count)
-            view.put(self._images[0], lanes, weight)
-            lanes.L = lanes.difference
-            view.put(self._images[1], lanes, weight)
+            view.put(self._images[0], lanes, lanes.L, lanes.valid, weight)
+            view.put(self._images[1], lanes, lanes.difference, mi.Bool(False), weight)
             dr.eval(*(block.tensor() for block in self._images), self._sums)
             yield count * end / view.pixels
 
