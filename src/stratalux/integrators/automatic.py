@@ -17,7 +17,7 @@ from ..envmap import EnvironmentMap
 from ..leaf_sampler import LeafSampler
 from ..points import mix
 from .common import DirectIntegrator
-from .launch import Launcher
+from .launch import Launch, Launcher
 from .light_samples import FreshLight
 from .lobes import Allocation
 from .nested_strata import NestedStrata, PixelPoints
@@ -73,7 +73,7 @@ class AutomaticSample(DirectIntegrator):
     ) -> mi.Spectrum:
         points = sampler if isinstance(sampler, PixelPoints) else PixelPoints.of(sampler)
         samples = points.samples or FreshLight(light, points.seed)
-        variate = light.tables.variate if points is sampler else None
+        variate = light.tables.variate if points is sampler and self._allocation.any_matte else None
         return NestedStrata(self._allocation, points, samples, variate).estimate(scene, light, si, bsdf, active)
 
     def arrays(self) -> tuple[mi.UInt32, ...]:
@@ -208,7 +208,8 @@ class _View:
         if dr.width(expected) > 1:
             expected = dr.gather(mi.Float, expected, pixel)
         dr.eval(index, expected)
-        return _Lanes(pixel, index, *self.launcher.samples(self.light, pixel, index, seed, expected, shared))
+        launch = Launch(pixel, index, seed, expected, shared)
+        return _Lanes(pixel, index, *self.launcher.samples(self.light, launch))
 
     def put(self, block: mi.ImageBlock, lanes: _Lanes, value: mi.Spectrum, alpha: mi.Bool, weight: mi.Float) -> None:
         """Add a ``value`` and an ``alpha`` to ``block`` at the place of each sample."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import drjit as dr
@@ -25,6 +26,21 @@ _RECORDINGS = 8
 _Samples = tuple[mi.Spectrum, mi.Spectrum, mi.Bool, mi.Point2f]
 
 
+@dataclass
+class Launch:
+    """Which samples to take: number ``index`` of each ``pixel``.
+
+    ``seed``: of the points of all pixels, opaque. ``expected``: luminance at each lane, or one for all. ``shared``:
+    seed of the samples of the map that all lanes share; None where each is to have its own.
+    """
+
+    pixel: mi.UInt32
+    index: mi.UInt32
+    seed: mi.UInt32
+    expected: mi.Float
+    shared: mi.UInt32 | None
+
+
 class Launcher:
     """Takes camera samples of a ``sensor``. Python traces a kernel in 5 to 10 ms, as long as small images render.
 
@@ -40,25 +56,13 @@ class Launcher:
             self._samples, state_fn=self._state, limit=_RECORDINGS, warn_after=1 << 30
         )
 
-    def samples(
-        self,
-        light: MapLight[NestedTables],
-        pixel: mi.UInt32,
-        index: mi.UInt32,
-        seed: mi.UInt32,
-        expected: mi.Float,
-        shared: mi.UInt32 | None,
-    ) -> _Samples:
-        """Of sample ``index`` of each ``pixel``: radiance, difference of the variate, alpha, and place in pixels.
-
-        ``seed``: of the points of all pixels, opaque. ``expected``: luminance at each lane, or one for all.
-        ``shared``: seed of the samples of the map that all lanes share; None where each is to have its own.
-        """
+    def samples(self, light: MapLight[NestedTables], launch: Launch) -> _Samples:
+        """Radiance, difference of the variate, alpha, and place in pixels of each sample."""
         self._light, self._others = light, OtherEmitters(self.scene, True)
         size = self.sensor.film().crop_size()
         width, extent = mi.UInt32(int(size[0])), mi.Vector2f(float(size[0]), float(size[1]))
         dr.make_opaque(width, extent)
-        arguments = self.scene, self.sensor, width, extent, pixel, index, seed, expected, shared
+        arguments = self.scene, self.sensor, width, extent, launch
         with _no_garbage_collection():
             try:
                 return self._replayed(*arguments)
@@ -68,22 +72,13 @@ class Launcher:
         return self._samples(*arguments)
 
     def _samples(
-        self,
-        scene: mi.Scene,
-        sensor: mi.Sensor,
-        width: mi.UInt32,
-        extent: mi.Vector2f,
-        pixel: mi.UInt32,
-        index: mi.UInt32,
-        seed: mi.UInt32,
-        expected: mi.Float,
-        shared: mi.UInt32 | None,
+        self, scene: mi.Scene, sensor: mi.Sensor, width: mi.UInt32, extent: mi.Vector2f, launch: Launch
     ) -> _Samples:
         assert self._light is not None and self._others is not None
-        samples = None if shared is None else SharedLight(self._light, shared)
-        points = PixelPoints(index, mix(pixel ^ mix(seed)), samples, expected)
-        row = pixel // width
-        place = mi.Vector2f(mi.Float(pixel - row * width), mi.Float(row))
+        samples = None if launch.shared is None else SharedLight(self._light, launch.shared)
+        points = PixelPoints(launch.index, mix(launch.pixel ^ mix(launch.seed)), samples, launch.expected)
+        row = launch.pixel // width
+        place = mi.Vector2f(mi.Float(launch.pixel - row * width), mi.Float(row))
         place += sobol_2d(points.index, mix(points.seed ^ 0x51633E2D))
         aperture = points.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
         time = mi.Float(sensor.shutter_open())

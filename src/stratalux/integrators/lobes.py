@@ -10,8 +10,8 @@ _DIRECTIONS = 256
 
 _SHARES = ((0.22, 16, 0, True), (0.32, 4, 2, True), (3.0, 4, 4, False), (float("inf"), 2, 3, False))
 """Concentration in sr⁻¹ up to which a row holds, light samples, BSDF samples, and whether it has a matte part that is
-worth a control variate. A diffuse surface has 0.2 sr⁻¹, a plastic
-with a gloss of 0.14 has 0.26, a GGX conductor of roughness 0.14 has 1.3 and of roughness 0.05 has 9."""
+worth a control variate. A diffuse surface has 0.2 sr⁻¹, a plastic with a gloss of 0.14 has 0.26, a GGX conductor of
+roughness 0.14 has 1.3 and of roughness 0.05 has 9."""
 MOST_RAYS = max(N + K for _, N, K, _ in _SHARES)
 _UNKNOWN = 2
 """The row of BSDFs that are not seen in the list of shapes, as those of instances."""

@@ -109,7 +109,8 @@ class NestedStrata:
         n, K_f = mi.Float(N), mi.Float(K)
         density = n / (light.tables.energy * light.scale)  # N p̃ is this times the luminance
         L_o = mi.Spectrum(0)
-        varied = self.variate is not None and self.allocation.any_matte
+        variate = self.variate
+        varied = variate is not None
         H = mi.Spectrum(0)  # Of the variate
         normal, albedo = mi.Vector3f(0), mi.Spectrum(0)
         if dr.hint(varied, mode="scalar"):
@@ -160,8 +161,8 @@ class NestedStrata:
                     H += L * MatteVariate.cosine(dr.dot(normal, d))
                 k += 1
 
-        if self.variate is not None and self.allocation.any_matte:
-            integral = self.variate.integral(light.from_world(normal)) * light.scale
+        if variate is not None:
+            integral = variate.integral(light.from_world(normal)) * light.scale
             self.points.difference = albedo * (integral - H)
         return L_o
 
