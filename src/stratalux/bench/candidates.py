@@ -74,8 +74,13 @@ class Trial:
 
     @property
     def cost(self) -> float:
-        """To choose by: what the time to a given error is proportional to, if error ∝ time^−:data:`CONVERGENCE`."""
-        return float(self.seconds * self.error ** (1 / CONVERGENCE))
+        """To choose by."""
+        return cost(self.seconds, self.error)
+
+
+def cost(seconds: float, error: float) -> float:
+    """What the time to a given error is proportional to, if error ∝ time^−:data:`CONVERGENCE`."""
+    return float(seconds * error ** (1 / CONVERGENCE))
 
 
 def search(

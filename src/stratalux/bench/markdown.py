@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .cases import MATERIALS
-from .peers.records import REGION, PeersResult
+from .peers.records import REGION, PeerRecord, PeersResult
 from .records import CaseResult
 from .results import BenchResult
 
@@ -104,10 +104,14 @@ def _peers(raced: PeersResult) -> list[str]:
         star = chr(92) + "*"
         reached = [f"{duel.theirs:.3g} s{star * duel.outside} ({duel.ratio:.3g})" for duel in verdict.duels]
         setup = " + ".join("-" if s is None else f"{s:.2g} s" for s in (peer.load_seconds, peer.setup_seconds))
-        plateau = "-" if peer.plateau is None else f"{peer.plateau:.1e} ± {peer.plateau_noise:.0e}"
         row = [peer.version, peer.chosen, f"**{verdict.ratio:.3g}**{star * verdict.outside}", *reached]
-        rows.append([*row, f"{peer.agreement:.4f}", plateau, setup])
+        rows.append([*row, f"{peer.agreement:.4f}", plateau(peer), setup])
     return [_PEERS.format(width=raced.size[0], height=raced.size[1]).strip(), table(heads, rows), *failures]
+
+
+def plateau(peer: PeerRecord) -> str:
+    """The plateau of a renderer, give or take its noise."""
+    return "-" if peer.plateau is None else f"{peer.plateau:.1e} ± {peer.plateau_noise:.0e}"
 
 
 def marks(case: CaseResult, region: str, outside: str = "*") -> str:

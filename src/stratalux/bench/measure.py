@@ -165,7 +165,8 @@ def measure_case(
         jobs += [(configuration, arena.possible(configuration, count)) for configuration, count in asked]
     arena.rounds(jobs, suite.repeats, lambda done: fraction(0.6 + 0.3 * done))
     floor = truth.floors[truth.region]
-    raised = any(point.limited(truth.region, floor) for point in truth.record(arena, OURS).points)
+    limited = any(point.limited(truth.region, floor) for point in truth.record(arena, OURS).points)
+    raised = limited and suite.reference_factor > 1
     if raised:
         spp = suite.reference_spp * suite.reference_factor
         truth = Truth(case, setting, reference_of(setting, spp, cache, lambda done: fraction(0.9)))
@@ -184,7 +185,7 @@ def measure_case(
         means={region: reference.mean(mask) for region, mask in truth.masks.items()},
         floors=truth.floors,
         reference={
-            **{name: getattr(reference, name) for name in ("estimator", "spp", "passes", "seconds", "key")},
+            **about_reference(reference),
             "raised": raised,
         },
         trials=tuple(trials),
@@ -253,6 +254,11 @@ def reference_of(setting: Setting, spp: int, cache: Path | None, progress: Fract
     sensor = setting.cameras["multijitter"]
     found = find_reference(setting.plain, REFERENCE, spp, sensor=sensor, cache=cache)
     return found or make_reference(setting.plain, REFERENCE, spp, sensor=sensor, cache=cache, progress=progress)
+
+
+def about_reference(reference: Reference) -> dict[str, Any]:
+    """How it was made, as in the results' format."""
+    return {name: getattr(reference, name) for name in ("estimator", "spp", "passes", "seconds", "key")}
 
 
 def settings_of(case: Case, suite: Suite) -> dict[str, Any]:

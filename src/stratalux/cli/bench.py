@@ -153,6 +153,8 @@ def _print(result: BenchResult) -> None:
 
 
 def _print_peers(console: Console, raced: PeersResult) -> None:
+    from ..bench.markdown import plateau
+
     spp = ", ".join(str(point.spp) for point in raced.ours.points)
     table = Table(title=f"{raced.case.name}: seconds to the errors of our {spp} spp", title_justify="left")
     table.add_column("renderer", overflow="fold")
@@ -171,6 +173,6 @@ def _print_peers(console: Console, raced: PeersResult) -> None:
             ", ".join(f"{duel.theirs:.3g}{'*' * duel.outside}" for duel in verdict.duels),
             f"{verdict.ratio:.3g} ({verdict.lowest:.3g}-{verdict.highest:.3g})",
             f"{peer.agreement:.4f}",
-            "-" if peer.plateau is None else f"{peer.plateau:.1e} ± {peer.plateau_noise:.0e}",
+            plateau(peer),
         )
     console.print(table)

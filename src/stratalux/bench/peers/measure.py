@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from ...assets import Assets
 from ...metrics import RELATIVE_EPSILON
 from ...records import Spread
-from ..candidates import CONVERGENCE, OURS, Configuration
+from ..candidates import OURS, Configuration, cost
 from ..cases import Case, Suite
-from ..measure import Arena, Fraction, Truth, reference_of
+from ..measure import Arena, Fraction, Truth, about_reference, reference_of
 from ..records import CurveRecord, Point
 from ..scenes import load_setting
 from .records import REGION, PeerRecord, PeersResult, PeerTrial
@@ -106,7 +106,7 @@ def measure_peers(
         case=case,
         size=setting.size,
         scale=setting.scale,
-        reference={name: getattr(reference, name) for name in ("estimator", "spp", "passes", "seconds", "key")},
+        reference=about_reference(reference),
         floor=truth.floors[REGION],
         mean=reference.mean(truth.masks[REGION]),
         ours=_surface_only(truth.record(arena, OURS)),
@@ -129,7 +129,7 @@ def _screen(contender: Contender, truth: Truth, spp: int) -> None:
             first, second = (peer.render(name, spp, seed) for seed in (1, 2))
             error = max(truth.errors(second.image)[REGION] - truth.floors[REGION], 0.0)
             trials.append(PeerTrial(name, second.spp, second.seconds, error, first.setup_seconds))
-        best = min(trials, key=lambda trial: trial.seconds * trial.error ** (1 / CONVERGENCE))
+        best = min(trials, key=lambda trial: cost(trial.seconds, trial.error))
         contender.record = replace(
             contender.record, trials=tuple(trials), chosen=best.name, setup_seconds=trials[0].setup_seconds
         )
