@@ -57,7 +57,7 @@ class DirectIntegrator(mi.SamplingIntegrator):
     ) -> tuple[mi.Spectrum, mi.Bool]:
         """Radiance along ``ray``, and whether it hit something; ``prepared`` is what :meth:`prepare` returns."""
         active = mi.Bool(active)
-        si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=active)
+        si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
         L = mi.Spectrum(0)
 
         # ----------------------- Visible emitters -----------------------
