@@ -1,4 +1,4 @@
-"""How many samples each pixel gets, from what a few samples of every pixel have shown, without bias (NumPy).
+"""How many samples each pixel gets, from what a few samples of every pixel have shown, without bias (Dr.Jit, NumPy).
 
 A pilot gives every pixel a few samples, and the rest goes where the error is. To count the samples of a pixel by its
 own pilot would be biased: a pixel whose pilot has missed a highlight would count as finished, and be darker than it is.
@@ -11,113 +11,178 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import correlate, uniform_filter
+
+from .recording import recorded
 
 CONVERGENCE = 1.3
 """c of error² ∝ n^−c with n samples of a pixel, as measured; the least sum of all has n ∝ (error²)^(1 / (1 + c))."""
 
+_CHANNELS = 3
+_TINY = 1e-30
 _MOST = 5
 """Doublings of the mean count, at most."""
+_STEPS = 64
+"""Of the logarithm of what a pixel needs, for each doubling."""
 _REACH = 2
 """Pixels around that tell what a pixel needs."""
-
-_Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """``counts`` (H, W): samples of each pixel, powers of two. ``level`` (H, W): mean of the channels around it.
+    """``counts`` (H, W): samples of each pixel, powers of two. ``level``: mean of the channels around each pixel.
 
-    ``share`` (H, W): of the control variate's difference that is to be added to each pixel, in [0, 1].
+    ``share``: of the control variate's difference that is to be added to each pixel, in [0, 1].
     """
 
     counts: NDArray[np.int64]
-    level: _Float
-    share: _Float
+    level: mi.Float
+    share: mi.Float
 
 
 def plan_samples(
-    pilot: NDArray[np.floating],
-    difference: NDArray[np.floating],
-    dim: float,
-    budget: float,
-    least: int,
-    footprint: int = 0,
+    pilot: mi.TensorXf, difference: mi.TensorXf, dim: float, budget: float, least: int, footprint: int = 0
 ) -> Plan:
     """Share ``budget`` samples per pixel, on average and about, so that the sum of relative errors is least.
 
-    ``pilot``: (P, H, W, C), means of parts of the pilot, whose differences tell its error; those of neighbours do if
+    ``pilot``: (C, P, H, W), means of P parts of the pilot, whose differences tell its error; those of neighbours do if
     P = 1. ``difference``, of the same shape: a control variate's integral less its estimate, of which any share can be
     added to the pilot. ``dim``: radiance below which errors count as if it were that bright. ``least``: samples of any
     pixel, a power of two, at most ``budget``. ``footprint``: radius in pixels of what a pixel's value depends on beyond
     its own samples (that of the reconstruction filter; 0 for a box).
     """
-    error, variate = (np.moveaxis(part, -1, 0) for part in (pilot, difference))  # (C, P, H, W)
-    level = error.mean(axis=(0, 1), dtype=np.float64)
-    if len(pilot) > 1:
-        error, variate = (part - part.mean(axis=1, keepdims=True, dtype=np.float32) for part in (error, variate))
-    products = [(a * b).sum(axis=(0, 1)) for a, b in ((error, error), (error, variate), (variate, variate))]
+    _, parts, *size = pilot.shape
     outer = _REACH + footprint
-    neighbours = [*error[:, 0], *variate[:, 0]] if len(pilot) == 1 else []
-    around = _around(np.stack([level, *products, *neighbours]).astype(np.float64), outer, footprint)
-    variance, covariance, squares = around[1:4]
-    if neighbours:
-        mean, of_variate = around[4:].reshape(2, -1, *level.shape)
-        variance = variance - (mean**2).sum(axis=0)
-        covariance = covariance - (mean * of_variate).sum(axis=0)
-        squares = squares - (of_variate**2).sum(axis=0)
+    height, width = (dr.opaque(mi.UInt32, side) for side in size)
+    pixel = dr.arange(mi.UInt32, size[0] * size[1])
+    dr.eval(pixel)
+    pictures = pilot.array, difference.array
+    need, level, share = _needs(*pictures, pixel, width, height, dr.opaque(mi.Float, dim), parts, outer, footprint)
+    steps = need.numpy().reshape(size).astype(np.int64)
+    return Plan(_counts(steps, budget, least, outer + footprint), level, share)
+
+
+@recorded
+def _needs(
+    pilot: mi.Float,
+    difference: mi.Float,
+    pixel: mi.UInt32,
+    width: mi.UInt32,
+    height: mi.UInt32,
+    dim: mi.Float,
+    parts: int,
+    outer: int,
+    inner: int,
+) -> tuple[mi.Int32, mi.Float, mi.Float]:
+    """What each pixel needs, as a logarithm in ``_STEPS``, the level around it, and its share of the variate."""
+    pixels = width * height
+
+    def own(image: mi.Float, c: int, part: int) -> mi.Float:
+        return dr.gather(mi.Float, image, pixel + (c * parts + part) * pixels)
+
+    level, products = mi.Float(0), [mi.Float(0)] * 3
+    neighbours = []
+    for c in range(_CHANNELS):
+        error, variate = ([own(image, c, part) for part in range(parts)] for image in (pilot, difference))
+        level += sum(error) / (_CHANNELS * parts)
+        if parts == 1:
+            neighbours += [error[0], variate[0]]
+        else:
+            error, variate = ([x - sum(values) / parts for x in values] for values in (error, variate))
+        for a, b in zip(error, variate, strict=True):
+            products = [x + y for x, y in zip(products, (a * a, a * b, b * b), strict=True)]
+    values = [level, *products, *neighbours]
+    dr.eval(values)
+
+    level, around = _around(values, pixel, width, height, outer, inner)
+    mean, variance, covariance, squares, *neighbours = around
+    for error, variate in zip(neighbours[::2], neighbours[1::2], strict=True):
+        variance -= error * error
+        covariance -= error * variate
+        squares -= variate * variate
     # The share c with the least variance of pilot + c · difference; of other pixels, as all that a pixel's value is
     # made of. Sums around the pixel come first, or it would have a part in the shares of those that it is judged by.
-    share = np.clip(np.divide(-covariance, squares, out=np.zeros_like(squares), where=squares > 0), 0, 1)
-    spread = np.maximum(variance + share * (2 * covariance + share * squares), 0)
-    need = (spread / (around[0] ** 2 + dim**2 + 1e-30)) ** (1 / (1 + CONVERGENCE))
-    counts = _counts(need, budget, least, outer + footprint)
-    return Plan(counts, uniform_filter(level, 2 * _REACH + 1, mode="nearest"), share)
+    share = dr.select(squares > 0, dr.clip(-covariance / squares, 0, 1), 0)
+    spread = dr.maximum(variance + share * (2 * covariance + share * squares), 0)
+    need = dr.log2(dr.maximum(spread / (mean * mean + dim * dim + _TINY), _TINY)) / (1 + CONVERGENCE)
+    return mi.Int32(dr.round(_STEPS * need)), level, share
 
 
-def _counts(need: _Float, budget: float, least: int, reach: int) -> NDArray[np.int64]:
-    """Powers of two near a multiple of ``need``: on each half of a checkerboard, the multiple that suits the other.
-
-    ``reach``: how far the need of one pixel depends on the samples of another. Fields keep that distance.
-    """
-    side = 2 * reach + 8
-    (field_y, y), (field_x, x) = (np.divmod(np.arange(length), side) for length in need.shape)
-    odd = (field_y[:, None] + field_x) % 2
-    inside_y, inside_x = ((t >= reach) & (t < side - reach) for t in (y, x))
-    apart = inside_y[:, None] & inside_x
-    logarithm = np.log2(np.maximum(need, 1e-30))
-    lowest = np.log2(least)
-    highest = lowest + np.ceil(np.log2(budget / least)) + _MOST
-    counts = np.empty(need.shape, dtype=np.int64)
-    for parity in (0, 1):
-        others = logarithm[apart & (odd != parity)]
-        if others.size == 0:
-            others = np.zeros(1)  # too small to tell what is needed without bias: all get the same
-            logarithm[odd == parity] = 0
-        low, high = lowest - others.max() - 1, highest - others.min() + 1
-        for _ in range(16):
-            middle = (low + high) / 2
-            enough = np.exp2(np.clip(np.rint(others + middle), lowest, highest)).mean() <= budget
-            low, high = (middle, high) if enough else (low, middle)
-        exponents = np.clip(np.rint(logarithm[odd == parity] + low), lowest, highest)
-        counts[odd == parity] = np.left_shift(1, exponents.astype(np.int64))
-    return counts
-
-
-def _around(images: _Float, outer: int, inner: int) -> _Float:
-    """Means (K, H, W) of ``images`` over squares around each pixel, without that of radius ``inner``.
+@dr.syntax
+def _around(
+    values: list[mi.Float], pixel: mi.UInt32, width: mi.UInt32, height: mi.UInt32, outer: int, inner: int
+) -> tuple[mi.Float, list[mi.Float]]:
+    """Mean of the first of ``values`` over the square of radius ``_REACH`` around each pixel, and means of all of them
+    over squares without that of radius ``inner``.
 
     Half of the weight has the square of radius ``outer``, half the least one. Added up directly: a difference of sums,
     or running sums, would keep a trace of what is left out.
     """
-    weights = np.zeros((2 * outer + 1, 2 * outer + 1))
-    distance = np.abs(np.arange(-outer, outer + 1))
-    distance = np.maximum(distance, distance[:, None])
-    for radius in (inner + 1, outer):
-        ring = (distance <= radius) & (distance > inner)
-        weights[ring] += 0.5 / ring.sum()
-    inside = correlate(np.ones(images.shape[1:]), weights, mode="constant")
-    result: _Float = correlate(images, weights[None], mode="constant") / np.maximum(inside, 1e-30)
-    return result
+    row = pixel // width
+    x, y = mi.Int32(pixel - row * width), mi.Int32(row)
+    side = 2 * outer + 1
+    near, far = (0.5 / ((2 * radius + 1) ** 2 - (2 * inner + 1) ** 2) for radius in (inner + 1, outer))
+    level, pixels = mi.Float(0), mi.Float(0)
+    sums, weights = [mi.Float(0) for _ in values], mi.Float(0)
+    k = mi.Int32(0)
+    while k < side * side:
+        dy = k // side - outer
+        dx = k - (dy + outer) * side - outer
+        distance = dr.maximum(dr.abs(dx), dr.abs(dy))
+        at_x, at_y = x + dx, y + dy
+        inside = (at_x >= 0) & (at_x < mi.Int32(width)) & (at_y >= 0) & (at_y < mi.Int32(height))
+        weight = dr.select(distance > inner, far, 0) + dr.select(distance == inner + 1, near, 0)
+        weight = dr.select(inside, weight, 0)
+        at = mi.UInt32(at_y * mi.Int32(width) + at_x)
+        some = [dr.gather(mi.Float, value, at, inside) for value in values]
+        sums = _plus(sums, weight, some)
+        weights += weight
+        close = inside & (distance <= _REACH)
+        level += dr.select(close, some[0], 0)
+        pixels += dr.select(close, 1, 0)
+        k += 1
+    return level / pixels, [s / dr.maximum(weights, _TINY) for s in sums]
+
+
+def _plus(sums: list[mi.Float], weight: mi.Float, values: list[mi.Float]) -> list[mi.Float]:
+    """``sums`` with the weighted ``values``; those of no weight, which may be infinite, leave no trace."""
+    return [
+        dr.select(weight > 0, dr.fma(weight, value, total), total) for total, value in zip(sums, values, strict=True)
+    ]
+
+
+def _counts(steps: NDArray[np.int64], budget: float, least: int, reach: int) -> NDArray[np.int64]:
+    """Powers of two near a multiple of the need: on each half of a checkerboard, the multiple that suits the other.
+
+    ``reach``: how far the need of one pixel depends on the samples of another. Fields keep that distance.
+    """
+    side = 2 * reach + 8
+    (field_y, y), (field_x, x) = (np.divmod(np.arange(length), side) for length in steps.shape)
+    odd = (field_y[:, None] + field_x) % 2
+    inside_y, inside_x = ((t >= reach) & (t < side - reach) for t in (y, x))
+    apart = inside_y[:, None] & inside_x
+    lowest = int(np.log2(least))
+    highest = lowest + int(np.ceil(np.log2(budget / least))) + _MOST
+    exponents = np.empty_like(steps)
+    for parity in (0, 1):
+        others = steps[apart & (odd != parity)]
+        if others.size == 0:
+            others = np.zeros(1, dtype=np.int64)  # too small to tell what is needed without bias: all get the same
+            steps[odd == parity] = 0
+        first = others.min()
+        pixels = np.bincount(others - first)
+        values = first + np.arange(len(pixels))
+        low, high = _STEPS * (lowest - 1) - values[-1], _STEPS * (highest + 1) - first
+        while high - low > 1:
+            middle = (low + high) // 2
+            enough = pixels @ np.exp2(_exponents(values + middle, lowest, highest)) <= budget * others.size
+            low, high = (middle, high) if enough else (low, middle)
+        exponents[odd == parity] = _exponents(steps[odd == parity] + low, lowest, highest)
+    return np.left_shift(1, exponents)
+
+
+def _exponents(steps: NDArray[np.int64], lowest: int, highest: int) -> NDArray[np.int64]:
+    return np.clip((steps + _STEPS // 2) // _STEPS, lowest, highest)

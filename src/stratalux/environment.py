@@ -78,21 +78,21 @@ class MapCache(Generic[T]):
         params = mi.traverse(emitter)
         to_world = params["to_world"]
         linear = to_world.matrix.numpy().reshape(4, 4)[:3, :3]
-        if not np.allclose(linear @ linear.T, np.eye(3), atol=1e-3):
+        if np.abs(linear @ linear.T - np.eye(3)).max() > 1e-3:
             raise InputError(
                 f"environment map '{emitter.id()}': to_world scales or shears; use rotations, and 'scale' for light"
             )
-        if self._tables is None or self._key != _key(emitter):
+        if self._tables is None or self._key != _key(emitter, params["data"]):
             self._tables = self._build(EnvironmentMap(_rgb_texels(emitter)))
+            data = mi.traverse(emitter)["data"]
             # References of our own: neither the emitter's address nor the array's index goes to another meanwhile.
-            self._held = emitter, mi.Float(mi.traverse(emitter)["data"].array)
-            self._key = _key(emitter)
+            self._held = emitter, mi.Float(data.array)
+            self._key = _key(emitter, data)
         return MapLight(emitter, self._tables, to_world, params["scale"])
 
 
-def _key(emitter: mi.Emitter) -> tuple[Any, ...]:
+def _key(emitter: mi.Emitter, data: mi.TensorXf) -> tuple[Any, ...]:
     """Equal for equal maps: Dr.Jit gives every changed array a new index."""
-    data = mi.traverse(emitter)["data"]
     return emitter.ptr, data.array.index, tuple(data.shape)
 
 

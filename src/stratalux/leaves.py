@@ -6,8 +6,6 @@ each other in the order of the tree of cuts are neighbours on the sphere: strata
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import drjit as dr
@@ -18,6 +16,7 @@ from numpy.typing import NDArray
 from .energy_table import EnergyTable
 from .envmap import EnvironmentMap
 from .errors import InputError
+from .recording import recorded
 
 FLOOR = 0.01
 """Luminance added everywhere, in units of the map's mean: no leaf is so large that a lone bright texel in it stands for
@@ -70,16 +69,9 @@ def cut_regions(table: EnergyTable, bounds: NDArray[np.int64] | None, depth: int
         halves = dr.empty(mi.Float64, 2 * _NODE * len(lane))
         used, steps = mi.UInt32(count // 2), mi.UInt32(levels)
         dr.make_opaque(lane, used, steps)
-        _frozen(mi.variant())(sums, profile, floor, height, width, nodes, halves, lane, used, steps)
+        _cut(sums, profile, floor, height, width, nodes, halves, lane, used, steps)
         nodes, levels = halves, 1
     return nodes
-
-
-@cache
-def _frozen(variant: str) -> Callable[..., None]:
-    """:func:`_cut` for arrays of the active ``variant``, traced once."""
-    frozen: Callable[..., None] = dr.freeze(_cut, warn_after=1000)
-    return frozen
 
 
 def _floor(table: EnergyTable) -> float:
@@ -160,6 +152,7 @@ def passed(a: mi.Float64, b: mi.Float64, c: mi.Float64, t: mi.Float64) -> tuple[
     return dr.fma(b, t * (2 - t), a), c * t * t
 
 
+@recorded
 @dr.syntax
 def _cut(
     sums: mi.Float64,

@@ -136,7 +136,9 @@ class Automatic(AutomaticSample):
         light = self.prepare(scene)
         assert light is not None
         sensor.film().prepare([])
-        view = _View(self._launcher_of(scene, sensor), light)
+        launcher = self._launcher_of(scene, sensor)
+        launcher.begin(light)
+        view = _View(launcher)
         seed = mi.UInt32(seed)
         dr.make_opaque(seed)  # or every value would be compiled into a kernel of its own
 
@@ -147,19 +149,19 @@ class Automatic(AutomaticSample):
             if rendered < few:
                 yield pilot.image(0), rendered
         plan = pilot.plan(dim, spp)
-        first = pilot.image(plan.share)
+        first = pilot.image(plan.share.numpy().reshape(plan.counts.shape))
         yield first, float(few)
         if few == spp:
             return
 
         counts = plan.counts.ravel() - few
-        expected, share = (mi.Float(x.astype(np.float32).ravel()) for x in (np.maximum(plan.level, dim), plan.share))
+        expected = dr.maximum(plan.level, dim)
         rounds = -(-int(counts.sum()) // LAUNCH)
         block = view.film.create_block()
         for k in range(rounds):
             start, end = k * counts // rounds, (k + 1) * counts // rounds
             lanes = view.samples(few + start, end - start, seed, expected, mix(mix(seed) + mi.UInt32(k + 1)))
-            L = lanes.L + dr.gather(mi.Float, share, lanes.pixel) * lanes.difference
+            L = lanes.L + dr.gather(mi.Float, plan.share, lanes.pixel) * lanes.difference
             weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, _unsigned(counts), lanes.pixel)))
             view.put(block, lanes, L, lanes.valid, weight)
             dr.eval(block.tensor())
@@ -187,8 +189,8 @@ class _Lanes:
 class _View:
     """The film of a sensor, and launches of samples for it."""
 
-    def __init__(self, launcher: Launcher, light: MapLight[NestedTables]) -> None:
-        self.launcher, self.light = launcher, light
+    def __init__(self, launcher: Launcher) -> None:
+        self.launcher = launcher
         self.film = launcher.sensor.film()
         self.width, self.height = (int(side) for side in self.film.crop_size())
         self.pixels = self.width * self.height
@@ -209,7 +211,7 @@ class _View:
             expected = dr.gather(mi.Float, expected, pixel)
         dr.eval(index, expected)
         launch = Launch(pixel, index, seed, expected, shared)
-        return _Lanes(pixel, index, *self.launcher.samples(self.light, launch))
+        return _Lanes(pixel, index, *self.launcher.samples(launch))
 
     def put(self, block: mi.ImageBlock, lanes: _Lanes, value: mi.Spectrum, alpha: mi.Bool, weight: mi.Float) -> None:
         """Add a ``value`` and an ``alpha`` to ``block`` at the place of each sample."""
@@ -228,7 +230,7 @@ class _Pilot:
     def __init__(self, view: _View, count: int, parts: int) -> None:
         self.view, self.count, self.parts = view, count, parts
         self._images = view.film.create_block(), view.film.create_block()
-        self._sums = dr.zeros(mi.Float, 6 * parts * view.pixels)
+        self._sums = [dr.zeros(mi.Float, 3 * parts * view.pixels) for _ in range(2)]
 
     def passes(self, seed: mi.UInt32, dim: float) -> Iterator[float]:
         """Launch by launch, the samples per pixel so far."""
@@ -241,16 +243,17 @@ class _Pilot:
             number[start:end] = count
             lanes = view.samples(none, number, seed, expected, None)
             group = lanes.index * dr.opaque(mi.UInt32, self.parts) // dr.opaque(mi.UInt32, count)
-            for c in range(6):
-                value = (lanes.L, lanes.difference)[c // 3][c % 3 % dr.size_v(mi.Spectrum)]
-                dr.scatter_add(self._sums, value, 6 * (group * view.pixels + lanes.pixel) + c)
+            for sums, value in zip(self._sums, (lanes.L, lanes.difference), strict=True):
+                for c in range(3):
+                    place = (c * self.parts + group) * view.pixels + lanes.pixel
+                    dr.scatter_add(sums, value[c % dr.size_v(mi.Spectrum)], place)
             weight = dr.opaque(mi.Float, 1 / count)
             view.put(self._images[0], lanes, lanes.L, lanes.valid, weight)
             view.put(self._images[1], lanes, lanes.difference, mi.Bool(False), weight)
             dr.eval(*(block.tensor() for block in self._images), self._sums)
             yield count * end / view.pixels
 
-    def image(self, share: NDArray[np.float64] | float) -> _Pixels:
+    def image(self, share: NDArray[np.float32] | float) -> _Pixels:
         """The image, with a ``share`` of the variate's difference in each pixel."""
         image, difference = (_image(block) for block in self._images)
         image[..., :-1] += np.asarray(share, dtype=np.float32)[..., None] * difference[..., :-1]
@@ -259,12 +262,14 @@ class _Pilot:
     def plan(self, dim: float, budget: int) -> Plan:
         """How to go on."""
         view = self.view
-        means = self._sums.numpy().reshape(self.parts, view.height, view.width, 2, 3) * (self.parts / self.count)
+        shape = (3, self.parts, view.height, view.width)
+        scale = dr.opaque(mi.Float, self.parts / self.count)
+        pilot, difference = (mi.TensorXf(sums * scale, shape) for sums in self._sums)
         filter = view.film.rfilter()
         box = filter.is_box_filter()
         # With a wider filter, a sample counts in several pixels, so each needs later ones.
         least, footprint = (self.count, 0) if box else (2 * self.count, int(np.ceil(filter.radius() - 0.5)))
-        return plan_samples(means[..., 0, :], means[..., 1, :], dim, max(budget, least), least, footprint)
+        return plan_samples(pilot, difference, dim, max(budget, least), least, footprint)
 
 
 def _pilot(spp: int) -> int:

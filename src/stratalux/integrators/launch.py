@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Callable, Hashable, Iterator
-from contextlib import contextmanager
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +11,7 @@ import mitsuba as mi
 
 from ..environment import MapLight
 from ..points import mix, sobol_2d
+from ..recording import recorded
 from .common import OtherEmitters
 from .light_samples import SharedLight
 from .nested_strata import PixelPoints
@@ -44,32 +43,34 @@ class Launch:
 class Launcher:
     """Takes camera samples of a ``sensor``. Python traces a kernel in 5 to 10 ms, as long as small images render.
 
-    What the scene has in arrays may change from launch to launch. Everything else that Mitsuba lets be changed is
-    compared at each, and traced anew if it differs.
+    What the scene has in arrays may change from image to image. Everything else that Mitsuba lets be changed is
+    compared at the beginning of each, and traced anew if it differs.
     """
 
     def __init__(self, integrator: AutomaticSample, scene: mi.Scene, sensor: mi.Sensor) -> None:
         self.integrator, self.scene, self.sensor = integrator, scene, sensor
         self._light: MapLight[NestedTables] | None = None
         self._others: OtherEmitters | None = None
-        self._replayed: Callable[..., _Samples] = dr.freeze(
-            self._samples, state_fn=self._state, limit=_RECORDINGS, warn_after=1 << 30
-        )
+        self._fixed: tuple[Hashable, ...] = ()
+        self._replayed = recorded(self._samples, state_fn=self._state, limit=_RECORDINGS)
 
-    def samples(self, light: MapLight[NestedTables], launch: Launch) -> _Samples:
-        """Radiance, difference of the variate, alpha, and place in pixels of each sample."""
+    def begin(self, light: MapLight[NestedTables]) -> None:
+        """Look at the scene as it is now; the launches that follow render that."""
         self._light, self._others = light, OtherEmitters(self.scene, True)
+        self._fixed = *_constants(self.scene), *_constants(self.sensor)
+
+    def samples(self, launch: Launch) -> _Samples:
+        """Radiance, difference of the variate, alpha, and place in pixels of each sample."""
         size = self.sensor.film().crop_size()
         width, extent = mi.UInt32(int(size[0])), mi.Vector2f(float(size[0]), float(size[1]))
         dr.make_opaque(width, extent)
         arguments = self.scene, self.sensor, width, extent, launch
-        with _no_garbage_collection():
-            try:
-                return self._replayed(*arguments)
-            except RuntimeError:
-                # Dr.Jit cannot record every scene: not one without shapes, for instance.
-                self._replayed = self._samples
-        return self._samples(*arguments)
+        try:
+            return self._replayed(*arguments)
+        except RuntimeError:
+            # Dr.Jit cannot record every scene: not one without shapes, for instance.
+            self._replayed = self._samples
+            return self._samples(*arguments)
 
     def _samples(
         self, scene: mi.Scene, sensor: mi.Sensor, width: mi.UInt32, extent: mi.Vector2f, launch: Launch
@@ -93,19 +94,7 @@ class Launcher:
         light, others = self._light, self._others
         assert light is not None and others is not None
         arrays = light.arrays(), light.tables.arrays(), self.integrator.arrays(), others.arrays()
-        return arrays, light.tables.depth, self.integrator.hide_emitters, (*_constants(scene), *_constants(sensor))
-
-
-@contextmanager
-def _no_garbage_collection() -> Iterator[None]:
-    """A scene that is freed while a function is recorded aborts the process (Dr.Jit 1.5.0)."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
+        return arrays, light.tables.depth, self.integrator.hide_emitters, self._fixed
 
 
 def _constants(part: mi.Object) -> Iterator[Hashable]:
