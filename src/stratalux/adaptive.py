@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from .recording import recorded
 
-CONVERGENCE = 1.3
+CONVERGENCE = 2.0
 """c of error² ∝ n^−c with n samples of a pixel, as measured; the least sum of all has n ∝ (error²)^(1 / (1 + c))."""
 
 _CHANNELS = 3

@@ -111,6 +111,7 @@ def _measure(width: int, height: int, strata: int, repeats: int, folder: Path) -
     scene: Any = None
     for _ in range(repeats):
         scene = None  # one map at a time
+        _Memory()  # all start without memory that Dr.Jit has kept
         seconds["mitsuba_file"].append(_seconds(lambda: mi.load_dict({"type": "envmap", "filename": str(path)}))[0])
 
         bitmap = mi.Bitmap(texels)
