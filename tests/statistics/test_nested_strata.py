@@ -12,7 +12,6 @@ import pytest
 from numpy.typing import NDArray
 
 from stratalux import render
-from stratalux.integrators.lobes import Allocation
 from tests.helpers import MATERIALS, assert_same_mean, asset, hall_map, runs, scene_dict, sun_map
 
 RUNS = 32
@@ -153,14 +152,21 @@ def test_new_seeds_compile_nothing() -> None:
     assert len(kernels) > 20 and sum(not kernel["cache_hit"] for kernel in kernels) <= 2
 
 
+def allocated(lit: mi.Scene, bsdf: mi.BSDFPtr) -> list[int]:
+    """Rays for light and BSDF samples, and proposals for each of them."""
+    from stratalux.integrators.lobes import Allocation  # of the active variant
+
+    *numbers, _ = Allocation(lit, mi.load_dict(OURS).prepare(lit)).of(bsdf, mi.Bool(True))
+    return [int(number[0]) for number in numbers]
+
+
 def test_shares_follow_the_lobes() -> None:
-    def shares(bsdf: dict[str, Any]) -> tuple[int, int]:
+    def shares(bsdf: dict[str, Any]) -> list[int]:
         description = scene_dict("diffuse")
         description["ball"]["bsdf"] = bsdf
         loaded = mi.load_dict(description)
         found = [shape.bsdf() for shape in loaded.shapes() if shape.class_name() == "Sphere"]
-        n, k, _ = Allocation(loaded).of(mi.BSDFPtr(found[0]), mi.Bool(True))
-        return int(n[0]), int(k[0])
+        return allocated(loaded, mi.BSDFPtr(found[0]))
 
     diffuse, rough, shiny = (
         shares(bsdf)
@@ -172,6 +178,29 @@ def test_shares_follow_the_lobes() -> None:
     )
     assert diffuse[1] == 0 < rough[1] <= rough[0] and shiny[1] > shiny[0]
     assert diffuse[0] >= rough[0] >= shiny[0]
+
+
+def test_proposals_follow_the_map() -> None:
+    """None more under an even sky; some where the map is full of detail, and more for narrower lobes."""
+
+    def proposals(alpha: float, texels: NDArray[Any]) -> int:
+        lit = scene("diffuse", texels=texels.astype(np.float32))
+        description = {"type": "roughconductor", "alpha": alpha}
+        for shape in lit.shapes():
+            shape.set_bsdf(mi.load_dict(description))
+        return allocated(lit, mi.BSDFPtr(lit.shapes()[0].bsdf()))[2]
+
+    even = np.full((32, 64, 3), 0.7)
+    detailed = even * np.random.default_rng(3).lognormal(0, 3, (32, 64, 1))
+    assert proposals(0.14, even) == proposals(0.03, even) == 1
+    assert 1 < proposals(0.14, detailed) <= proposals(0.03, detailed)
+
+
+@pytest.mark.parametrize("material", ["roughplastic", pytest.param("roughconductor", marks=SLOW)])
+def test_same_mean_with_many_proposals(material: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stratalux.integrators.lobes._proposals", lambda *_: [1, 4, 4, 4])
+    spp = 2048 if material == "roughconductor" else 64
+    assert_same_mean(runs(scene(material, "multijitter"), OURS, spp, RUNS, seed=0), reference(material))
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ from ..points import mix
 from .common import DirectIntegrator
 from .launch import Launch, Launcher
 from .light_samples import FreshLight
-from .lobes import Allocation
+from .lobes import DIM, Allocation
 from .nested_strata import NestedStrata, PixelPoints
 from .variate import MatteVariate
 
@@ -29,8 +29,6 @@ LAUNCH = 1 << 21
 """Camera samples of one launch, about: a second on two cores."""
 PARTS = 4
 """Of a pilot, whose differences tell its error."""
-DIM = 0.15
-"""Of the map's mean radiance: surfaces darker than that are not thought to be looked at for their noise."""
 
 
 class NestedTables(LeafSampler):
@@ -54,12 +52,14 @@ class AutomaticSample(DirectIntegrator):
         super().__init__(props)
         self._cache: MapCache[NestedTables] = MapCache(NestedTables)
         self._scene: mi.Scene | None = None
+        self._tables: NestedTables | None = None
 
     def prepare(self, scene: mi.Scene) -> MapLight[NestedTables] | None:
         """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
         light = self._cache.get(scene)
-        if light is not None and self._scene is not scene:
-            self._allocation, self._scene = Allocation(scene), scene
+        if light is not None and (self._scene is not scene or self._tables is not light.tables):
+            self._allocation = Allocation(scene, light)
+            self._scene, self._tables = scene, light.tables
         return light
 
     def environment_light(

@@ -1,71 +1,101 @@
-"""How a camera sample's rays are shared between the map and the BSDF, by how concentrated the BSDF's lobes are."""
+"""How many rays a camera sample gets for the map and for the BSDF, and how many proposals for each of them."""
 
 from __future__ import annotations
+
+import math
+from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
 
+from ..environment import MapLight
+from ..leaf_sampler import LeafSampler
+from .common import target
+
+DIM = 0.15
+"""Of the map's mean radiance: surfaces darker than that are not thought to be looked at for their noise."""
+
 _DIRECTIONS = 256
 """Test directions for each surface."""
+_DRAWS = 8
+"""From the BSDF in each of them, to see how they differ under the map."""
 
-_SHARES = ((0.22, 16, 0, True), (0.32, 4, 2, True), (3.0, 4, 4, False), (float("inf"), 2, 3, False))
-"""Concentration in sr⁻¹ up to which a row holds, light samples, BSDF samples, and whether it has a matte part that is
-worth a control variate. A diffuse surface has 0.2 sr⁻¹, a plastic with a gloss of 0.14 has 0.26, a GGX conductor of
-roughness 0.14 has 1.3 and of roughness 0.05 has 9."""
-MOST_RAYS = max(N + K for _, N, K, _ in _SHARES)
+
+@dataclass(frozen=True)
+class Row:
+    """What surfaces get whose lobes have a ``concentration`` in sr⁻¹ up to this one.
+
+    ``light`` and ``lobe``: rays for light and BSDF samples. ``matte``: whether they have a matte part that is worth a
+    control variate. ``spread``: relative variance of what BSDF samples bring, from which on each ray is worth two
+    proposals; twice that is worth four, and so on up to ``most``.
+    """
+
+    concentration: float
+    light: int
+    lobe: int
+    matte: bool
+    spread: float
+    most: int
+
+
+ROWS = (
+    Row(0.22, 16, 0, True, math.inf, 1),
+    Row(0.32, 4, 2, True, 0.12, 2),
+    Row(3.0, 4, 4, False, 0.28, 4),
+    Row(math.inf, 2, 3, False, 0.1, 8),
+)
+"""A diffuse surface has a concentration of 0.2, a plastic with a gloss of 0.14 has 0.26, a GGX conductor of roughness
+0.14 has 1.3 and of roughness 0.05 has 9."""
+MOST_RAYS = max(row.light + row.lobe for row in ROWS)
 _UNKNOWN = 2
 """The row of BSDFs that are not seen in the list of shapes, as those of instances."""
 
 
 class Allocation:
-    """The numbers of light samples N and BSDF samples K of every BSDF of a scene.
+    """For every BSDF of a scene: the rays for light samples N and for BSDF samples K, and proposals M for each ray.
 
     The concentration of a BSDF is the geometric mean of its pdf over directions drawn from it, for light from all
-    sides: the reciprocal of about the solid angle that its lobes fill. It is measured, so any BSDF has one.
+    sides: the reciprocal of about the solid angle that its lobes fill. M follows from how much the map varies inside
+    the lobes. Both are measured, so any BSDF and any map have them.
     """
 
-    def __init__(self, scene: mi.Scene) -> None:
-        self._rows, used = _rows(scene)
-        self._table = mi.UInt32([N | K << 16 | matte << 31 for _, N, K, matte in _SHARES])
-        used |= {_UNKNOWN} if _has_instances(scene) else set()
-        self.any_bsdf_samples = any(_SHARES[row][2] for row in used)
-        self.any_matte = any(_SHARES[row][3] for row in used)
+    def __init__(self, scene: mi.Scene, light: MapLight[LeafSampler]) -> None:
+        self._identities, rows = _rows(scene)
+        used = set(rows.numpy().tolist()) | ({_UNKNOWN} if _has_instances(scene) else set())
+        self.any_bsdf_samples = any(ROWS[row].lobe for row in used)
+        self.any_matte = any(ROWS[row].matte for row in used)
+        proposals = _proposals(scene, light, rows) if self.any_bsdf_samples else [1] * len(ROWS)
+        shares = zip(ROWS, proposals, strict=True)
+        self._table = mi.UInt32([row.light | row.lobe << 8 | M << 16 | row.matte << 31 for row, M in shares])
 
     def arrays(self) -> tuple[mi.UInt32, ...]:
         """What kernels read."""
-        return self._rows, self._table
+        return self._identities, self._table
 
-    def of(self, bsdf: mi.BSDFPtr, active: mi.Bool) -> tuple[mi.UInt32, mi.UInt32, mi.Bool]:
-        """N, K, and whether to use the variate, at each lane."""
+    def of(self, bsdf: mi.BSDFPtr, active: mi.Bool) -> tuple[mi.UInt32, mi.UInt32, mi.UInt32, mi.Bool]:
+        """N, K, M, and whether to use the variate, at each lane."""
         identity = dr.reinterpret_array(mi.UInt32, bsdf)
-        known = active & (identity < dr.width(self._rows))
-        row = dr.select(known, dr.gather(mi.UInt32, self._rows, identity, known), _UNKNOWN)
+        known = active & (identity < dr.width(self._identities))
+        row = dr.select(known, dr.gather(mi.UInt32, self._identities, identity, known), _UNKNOWN)
         shares = dr.gather(mi.UInt32, self._table, row, active)
-        return shares & 0xFFFF, shares >> 16 & 0x7FFF, shares >> 31 != 0
+        return shares & 0xFF, shares >> 8 & 0xFF, shares >> 16 & 0xFF, shares >> 31 != 0
 
 
 def concentration(bsdf: mi.BSDFPtr, sampler: mi.Sampler) -> mi.Float:
     """Logarithm of the pdf of one direction drawn from the smooth lobes; NaN where none could be drawn."""
     ctx = mi.BSDFContext()
     ctx.type_mask = int(mi.BSDFFlags.Smooth)
-    si = dr.zeros(mi.SurfaceInteraction3f, sampler.wavefront_size())
-    si.t = 1
-    si.sh_frame = mi.Frame3f(mi.Normal3f(0, 0, 1))
-    si.n = mi.Normal3f(0, 0, 1)
-    si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
-    si.uv = sampler.next_2d()
-    if mi.is_spectral:
-        si.wavelengths = mi.Spectrum(550)
+    si = _surface(sampler)
     bs, weight = bsdf.sample(ctx, si, sampler.next_1d(), sampler.next_2d())
     drawn = (bs.pdf > 0) & dr.isfinite(bs.pdf) & dr.any(weight > 0)
     return dr.select(drawn, dr.log(bs.pdf), dr.nan)
 
 
-def _rows(scene: mi.Scene) -> tuple[mi.UInt32, set[int]]:
-    """Row of :data:`_SHARES` for each BSDF, by the identity that Dr.Jit gives it, and the rows that shapes use."""
+def _rows(scene: mi.Scene) -> tuple[mi.UInt32, mi.UInt32]:
+    """The row of each BSDF, by the identity that Dr.Jit gives it, and that of each shape."""
     count = len(scene.shapes())
     if count == 0:
-        return mi.UInt32(_UNKNOWN), set()
+        return mi.UInt32(_UNKNOWN), mi.UInt32()
     lane = dr.arange(mi.UInt32, count * _DIRECTIONS)
     shape = lane // _DIRECTIONS
     sampler = mi.load_dict({"type": "independent"})
@@ -78,15 +108,83 @@ def _rows(scene: mi.Scene) -> tuple[mi.UInt32, set[int]]:
     dr.scatter_add(weight, mi.Float(drawn), shape)
     value = dr.select(weight > 0, dr.exp(total / weight), 0)
     row = mi.UInt32(0)
-    for limit, *_ in _SHARES[:-1]:
-        row += mi.UInt32(dr.select(value > limit, 1, 0))
+    for limit in ROWS[:-1]:
+        row += mi.UInt32(dr.select(value > limit.concentration, 1, 0))
     identity = dr.reinterpret_array(
         mi.UInt32, dr.gather(mi.ShapePtr, scene.shapes_dr(), dr.arange(mi.UInt32, count)).bsdf()
     )
     rows = dr.full(mi.UInt32, _UNKNOWN, int(dr.max(identity)[0]) + 1)
     dr.scatter(rows, row, identity)
-    dr.eval(rows)
-    return rows, set(row.numpy().tolist())
+    dr.eval(rows, row)
+    return rows, row
+
+
+def _proposals(scene: mi.Scene, light: MapLight[LeafSampler], rows: mi.UInt32) -> list[int]:
+    """M for each of :data:`ROWS`; ``rows``: that of each shape."""
+    count = dr.width(rows) * _DIRECTIONS
+    if not count:
+        return [1] * len(ROWS)
+    shape = dr.arange(mi.UInt32, count) // _DIRECTIONS
+    row = dr.gather(mi.UInt32, rows, shape)
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(1, count)
+    bsdf = dr.gather(mi.ShapePtr, scene.shapes_dr(), shape).bsdf()
+    N, K = (
+        dr.gather(mi.Float, mi.Float(numbers), row)
+        for numbers in ([row.light for row in ROWS], [row.lobe for row in ROWS])
+    )
+    variance = spread(light, bsdf, N, K, sampler)
+    total, weight = dr.zeros(mi.Float, len(ROWS)), dr.zeros(mi.Float, len(ROWS))
+    dr.scatter_add(total, variance, row)
+    dr.scatter_add(weight, mi.Float(1), row)
+    measured = (total / weight).numpy()
+    return [_pairs(value / row.spread, row.most) for value, row in zip(measured, ROWS, strict=True)]
+
+
+def _pairs(ratio: float, most: int) -> int:
+    """The power of two next to ``ratio``, in 1 … ``most``."""
+    return 1 << round(math.log2(min(max(ratio, 1), most))) if math.isfinite(ratio) else 1
+
+
+@dr.syntax
+def spread(light: MapLight[LeafSampler], bsdf: mi.BSDFPtr, N: mi.Float, K: mi.Float, sampler: mi.Sampler) -> mi.Float:
+    """Variance of what BSDF samples bring that stand beside N light samples, K in all, at a random surface.
+
+    It is relative to the square of their mean, or of :data:`DIM` of the map's if that is more. No shadows.
+    """
+    ctx = mi.BSDFContext()
+    ctx.type_mask = int(mi.BSDFFlags.Smooth)
+    si = _surface(sampler)
+    energy = light.tables.energy * light.scale
+    total, squares = mi.Float(0), mi.Float(0)
+    k = mi.UInt32(0)
+    while k < _DRAWS:
+        bs, weight = bsdf.sample(ctx, si, sampler.next_1d(), sampler.next_2d())
+        found = (bs.pdf > 0) & dr.isfinite(bs.pdf) & dr.any(weight > 0)
+        L = light.radiance_towards(si.to_world(bs.wo), si, found)
+        g = target(L * weight) * K * bs.pdf / (N / energy * target(L) + K * bs.pdf)
+        g = dr.select(found, g, 0)
+        total += g
+        squares += g * g
+        k += 1
+    mean = total / _DRAWS
+    variance = dr.maximum(squares - total * mean, 0) / (_DRAWS - 1)
+    dim = DIM * energy / (4 * dr.pi)
+    return variance / (mean * mean + dim * dim + 1e-30)
+
+
+def _surface(sampler: mi.Sampler) -> mi.SurfaceInteraction3f:
+    """Somewhere on a surface of any orientation, seen from anywhere in front of it."""
+    si = dr.zeros(mi.SurfaceInteraction3f, sampler.wavefront_size())
+    n = mi.warp.square_to_uniform_sphere(sampler.next_2d())
+    si.t = 1
+    si.sh_frame = mi.Frame3f(n)
+    si.n = n
+    si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
+    si.uv = sampler.next_2d()
+    if mi.is_spectral:
+        si.wavelengths = mi.Spectrum(550)
+    return si
 
 
 def _has_instances(scene: mi.Scene) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import drjit as dr
 import mitsuba as mi
 
@@ -61,21 +63,49 @@ class PixelPoints:
         return mix(self.seed + mi.UInt32(0x9E3779B9 * self._dimension & 0xFFFFFFFF))
 
 
+class Survivor:
+    """One of the samples offered, kept with a probability in proportion to the luminance q of what it brings.
+
+    ``d``: its direction. ``g``: what it stands for, Σ q · g / q: the paper's resampling, equation (5), in one pass.
+    """
+
+    DRJIT_STRUCT: ClassVar = {"d": mi.Vector3f, "ratio": mi.Spectrum, "total": mi.Float}
+
+    def __init__(self) -> None:
+        self.d, self.ratio, self.total = mi.Vector3f(0), mi.Spectrum(0), mi.Float(0)
+
+    def offer(self, d: mi.Vector3f, g: mi.Spectrum, random: mi.UInt32) -> None:
+        """Take ``g`` from direction ``d`` into account."""
+        q = target(g)
+        self.total += q
+        keep = (q > 0) & (unit_float(random) * self.total < q)
+        self.d = dr.select(keep, d, self.d)
+        self.ratio = dr.select(keep, g / q, self.ratio)
+
+    @property
+    def g(self) -> mi.Spectrum:
+        """What the survivor stands for, but for its shadow."""
+        return self.ratio * self.total
+
+
 class NestedStrata:
     r"""All light samples of a pixel, of all its camera samples together, as one set of strata of the map.
 
-    The map is cut into leaves of equal energy (:mod:`stratalux.leaves`). The light sample k of N of camera sample s is
-    number N s' + k of a scrambled van der Corput sequence along the leaves, where s' shuffles the camera samples: N
-    consecutive points fall into N strata of equal energy, the N S points of S camera samples (powers of two) into
-    N S strata. With the density p of the leaves and K BSDF samples of density p_b,
+    The map is cut into leaves of equal energy (:mod:`stratalux.leaves`). The light samples of camera sample s are
+    numbers N M s' to N M s' + N M − 1 of a scrambled van der Corput sequence along the leaves, where s' shuffles the
+    camera samples: N M consecutive points fall into N M strata of equal energy, the N M S points of S camera samples
+    (powers of two) into N M S strata. With the density p of the leaves and K M BSDF samples of density p_b,
 
-        L_o ≈ 1/N Σ_k w (L f cos V)(x_k) / p(x_k) + 1/K Σ_k (1 − w) (L f cos V)(y_k) / p_b(y_k)
+        L_o ≈ 1/NM Σ_j w (L f cos V)(x_j) / p(x_j) + 1/KM Σ_j (1 − w) (L f cos V)(y_j) / p_b(y_j)
 
         w(ω) = N p̃(ω) / (N p̃(ω) + K p_b(ω)),    p̃(ω) = luminance(L(ω)) / ∫ luminance(L) dω.
 
     The weights are the balance heuristic's but for p̃, which stands for p: it needs no search for the leaf of a
     direction. It is unbiased, as the weights of both techniques depend on the direction alone, add up to 1, and p is
-    positive everywhere. N and K follow the concentration of the BSDF, see :class:`~.lobes.Allocation`.
+    positive everywhere. N, K and M follow from the BSDF and the map, see :class:`~.lobes.Allocation`.
+
+    Of each M samples of a stratum, or of the BSDF, one gets a ray and stands for all, as in the paper's scheme: a
+    :class:`Survivor`. What is left of a light's texture inside of lobes costs so much less than a ray each.
 
     A :class:`~.variate.MatteVariate` h is estimated along with it, from the same samples and without rays, for the
     part of the BSDF that is matte, with albedo ρ: the points get ρ/π (∫ h dω − its estimate) as their ``difference``.
@@ -105,9 +135,9 @@ class NestedStrata:
         """Direct light of the environment map at ``si`` from smooth lobes."""
         ctx = mi.BSDFContext()
         ctx.type_mask = int(mi.BSDFFlags.Smooth)
-        N, K, matte = self.allocation.of(bsdf, active)
-        n, K_f = mi.Float(N), mi.Float(K)
-        density = n / (light.tables.energy * light.scale)  # N p̃ is this times the luminance
+        N, K, M, matte = self.allocation.of(bsdf, active)
+        n, K_f = mi.Float(N * M), mi.Float(K * M)
+        density = n / (light.tables.energy * light.scale)  # N M p̃ is this times the luminance
         L_o = mi.Spectrum(0)
         variate = self.variate
         varied = variate is not None
@@ -118,47 +148,57 @@ class NestedStrata:
             matte &= active
             albedo = dr.select(matte, bsdf.eval_diffuse_reflectance(si, matte) / dr.pi, 0)
 
-        # ---------------- Light samples, one in each stratum ----------------
+        # ------------ Light samples: M in each of N strata, one ray ------------
         seed = mix(self.points.seed ^ _LEAVES)
-        first = shuffle(self.points.index, seed) * N
+        first = shuffle(self.points.index, seed) * (N * M)
         k = mi.UInt32(0)
         while active & (k < N):
-            where = van_der_corput(first + k, self.points.seed)  # in units of 2⁻³² along the leaves
-            d, luminance, L_p = self.samples.draw(where >> (32 - light.tables.depth), where, si, active)
-            w = mi.Float(1)
-            if dr.hint(self.allocation.any_bsdf_samples, mode="scalar"):
-                f, p_b = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
-                p = density * luminance
-                w = dr.select((K_f * p_b > 0) & dr.any(f != 0), p / (p + K_f * p_b), 1)
-            else:
-                f = bsdf.eval(ctx, si, si.to_local(d), active)
-            L_p *= w / n
-            g = L_p * f
-            lit, g = self._worth_a_ray(g, n, mix(seed ^ (first + k)), active)
-            lit &= ~scene.ray_test(si.spawn_ray(d), lit)
+            kept = Survivor()
+            j = mi.UInt32(0)
+            while active & (j < M):
+                point = first + j * N + k
+                where = van_der_corput(point, self.points.seed)  # in units of 2⁻³² along the leaves
+                d, luminance, L_p = self.samples.draw(where >> (32 - light.tables.depth), where, si, active)
+                w = mi.Float(1)
+                if dr.hint(self.allocation.any_bsdf_samples, mode="scalar"):
+                    f, p_b = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
+                    p = density * luminance
+                    w = dr.select((K_f * p_b > 0) & dr.any(f != 0), p / (p + K_f * p_b), 1)
+                else:
+                    f = bsdf.eval(ctx, si, si.to_local(d), active)
+                L_p *= w / n
+                kept.offer(d, L_p * f, mix(seed ^ ~point))
+                if dr.hint(varied, mode="scalar"):
+                    H += L_p * MatteVariate.cosine(dr.dot(normal, d))
+                j += 1
+            lit, g = self._worth_a_ray(kept.g, n / mi.Float(M), mix(seed ^ (first + k)), active)
+            lit &= ~scene.ray_test(si.spawn_ray(kept.d), lit)
             L_o += dr.select(lit, g, 0)
-            if dr.hint(varied, mode="scalar"):
-                H += L_p * MatteVariate.cosine(dr.dot(normal, d))
             k += 1
 
-        # ----------------- BSDF samples, where they help ---------------------
+        # -------- BSDF samples, where they help: M for each of K rays ----------
         if dr.hint(self.allocation.any_bsdf_samples, mode="scalar"):
             seed = mix(self.points.seed ^ _LOBES)
-            first = shuffle(self.points.index, seed) * K
+            first = shuffle(self.points.index, seed) * (K * M)
             k = mi.UInt32(0)
             while active & (k < K):
-                u_lobe = unit_float(van_der_corput(shuffle(first + k, seed), mix(seed)))
-                bs, weight = bsdf.sample(ctx, si, u_lobe, sobol_2d(first + k, seed), active)
-                found = active & (bs.pdf > 0) & dr.any(weight != 0)
-                d = si.to_world(bs.wo)
-                L = light.radiance_towards(d, si, found)
-                L = dr.select(found, L / (density * target(L) + K_f * bs.pdf), 0)
-                g = L * weight * bs.pdf
-                found, g = self._worth_a_ray(g, K_f, mix(seed ^ (first + k)), found)
-                found &= ~scene.ray_test(si.spawn_ray(d), found)
-                L_o += dr.select(found, g, 0)
-                if dr.hint(varied, mode="scalar"):
-                    H += L * MatteVariate.cosine(dr.dot(normal, d))
+                kept = Survivor()
+                j = mi.UInt32(0)
+                while active & (j < M):
+                    point = first + j * K + k
+                    u_lobe = unit_float(van_der_corput(shuffle(point, seed), mix(seed)))
+                    bs, weight = bsdf.sample(ctx, si, u_lobe, sobol_2d(point, seed), active)
+                    found = active & (bs.pdf > 0) & dr.any(weight != 0)
+                    d = si.to_world(bs.wo)
+                    L = light.radiance_towards(d, si, found)
+                    L = dr.select(found, L / (density * target(L) + K_f * bs.pdf), 0)
+                    kept.offer(d, dr.select(found, L * weight * bs.pdf, 0), mix(seed ^ ~point))
+                    if dr.hint(varied, mode="scalar"):
+                        H += L * MatteVariate.cosine(dr.dot(normal, d))
+                    j += 1
+                lit, g = self._worth_a_ray(kept.g, K_f / mi.Float(M), mix(seed ^ (first + k)), active)
+                lit &= ~scene.ray_test(si.spawn_ray(kept.d), lit)
+                L_o += dr.select(lit, g, 0)
                 k += 1
 
         if variate is not None:
