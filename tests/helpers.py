@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
 
 
 def scene_dict(
-    material: str = "diffuse", texels: NDArray[np.float32] | None = None, size: tuple[int, int] = (24, 16), **more: Any
+    material: str = "diffuse", texels: NDArray[np.float32] | None = None, size: tuple[int, int] = (18, 12), **more: Any
 ) -> dict[str, Any]:
     """A ball and a leaning box on a floor under a map that is turned about two axes.
 
@@ -122,6 +123,13 @@ def runs(scene: mi.Scene, integrator: dict[str, Any] | mi.Integrator, spp: int, 
         integrator = mi.load_dict(integrator)
     images = [np.array(mi.render(scene, integrator=integrator, spp=spp, seed=seed + k)) for k in range(count)]
     return np.stack(images).astype(np.float64)
+
+
+@cache
+def reference(material: str) -> NDArray[Any]:
+    """Images of :func:`scene_dict` by Mitsuba's ``direct``, (32, H, W, 3)."""
+    direct = {"type": "direct", "emitter_samples": 2, "bsdf_samples": 1}
+    return runs(mi.load_dict(scene_dict(material)), direct, 2048, 32, seed=10_000)
 
 
 def assert_same_mean(a: NDArray[Any], b: NDArray[Any]) -> None:

@@ -68,11 +68,6 @@ def test_directions_are_those_of_the_map() -> None:
     np.testing.assert_allclose(uv[1], v, atol=1e-4)
 
 
-def test_depth_follows_the_size_of_the_map() -> None:
-    assert LeafSampler(EnvironmentMap(hall_map())).depth == 16
-    assert LeafSampler(EnvironmentMap(np.ones((512, 1024, 3), np.float32))).depth == 17
-
-
 @pytest.mark.parametrize("n", [1, 5, 37])
 @pytest.mark.parametrize("name", MAPS)
 def test_regions_have_leaves_of_their_own(name: str, n: int) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import drjit as dr
@@ -12,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from stratalux import render
-from tests.helpers import MATERIALS, assert_same_mean, asset, hall_map, runs, scene_dict, sun_map
+from tests.helpers import MATERIALS, assert_same_mean, asset, hall_map, reference, runs, scene_dict, sun_map
 
 RUNS = 32
 SLOW = pytest.mark.slow
@@ -33,11 +32,6 @@ def scene(material: str = "diffuse", sampler: str = "independent", **more: Any) 
     description = scene_dict(material, **more)
     description["sensor"]["sampler"] = {"type": sampler, "sample_count": 16}
     return mi.load_dict(description)
-
-
-@cache
-def reference(material: str) -> NDArray[Any]:
-    return runs(scene(material), {"type": "direct", "emitter_samples": 2, "bsdf_samples": 1}, 2048, RUNS, seed=10_000)
 
 
 @pytest.mark.parametrize(
@@ -70,7 +64,8 @@ def test_with_an_area_light(material: str) -> None:
 def test_other_variants(variant: str) -> None:
     mi.set_variant(variant)
     lit = scene("roughconductor")
-    assert_same_mean(runs(lit, OURS, 64, RUNS, 0), runs(lit, {"type": "direct"}, 1024, RUNS, 10_000))
+    # Dark pixels get their light from rare events: many runs, so that some have them.
+    assert_same_mean(runs(lit, OURS, 16, 8 * RUNS, 0), runs(lit, {"type": "direct"}, 1024, RUNS, 10_000))
 
 
 def test_instances() -> None:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any
-
 import mitsuba as mi
 import pytest
-from numpy.typing import NDArray
 
 from stratalux.techniques import parse_technique, techniques
-from tests.helpers import assert_same_mean, runs, scene_dict
+from tests.helpers import assert_same_mean, reference, runs, scene_dict
 
 mi.set_variant("llvm_ad_rgb")
-UNBIASED = [name for name, technique in techniques().items() if technique.unbiased and name != "direct"]
+OF_THEIR_OWN = ("direct", "stratified")
+"""The other side, and the one that has tests of its own."""
+UNBIASED = [name for name, technique in techniques().items() if technique.unbiased and name not in OF_THEIR_OWN]
+SLOW = pytest.mark.slow
 RUNS = 32
 VARIATIONS = [
     "stratified:strata=16,bsdf_samples=1",
@@ -21,16 +20,10 @@ VARIATIONS = [
     "importance:samples=1",
     "importance:samples=7,sequence=independent",
     "importance:samples=4,proposals=32",
-    "importance:samples=1,proposals=9,sequence=independent",
+    pytest.param("importance:samples=1,proposals=9,sequence=independent", marks=SLOW),
     "importance:samples=4,bsdf_samples=2",
     "importance:samples=4,proposals=16,bsdf_samples=2",
 ]
-
-
-@cache
-def reference(material: str) -> NDArray[Any]:
-    scene = mi.load_dict(scene_dict(material))
-    return runs(scene, {"type": "direct", "emitter_samples": 2, "bsdf_samples": 1}, 2048, RUNS, seed=10_000)
 
 
 @pytest.mark.parametrize("material", ["diffuse", "roughconductor"])
@@ -39,7 +32,9 @@ def test_no_bias(text: str, material: str) -> None:
     technique, given = parse_technique(text)
     scene = mi.load_dict(scene_dict(material))
     spp = max(32, 1024 // technique.shadow_rays(given))
-    assert_same_mean(runs(scene, technique.integrator(given), spp, RUNS, seed=0), reference(material))
+    # Dark pixels of a conductor get their light from few directions, which the samples of a run have in common.
+    more = 8 if material == "roughconductor" else 1
+    assert_same_mean(runs(scene, technique.integrator(given), spp // more, more * RUNS, seed=0), reference(material))
 
 
 @pytest.mark.parametrize("text", ["stratified:strata=8,bsdf_samples=2", "importance:samples=8,bsdf_samples=2"])
@@ -65,7 +60,7 @@ def test_area_lights_are_counted_once(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["stratified:strata=8,bsdf_samples=1", "importance:samples=4,proposals=16"])
-@pytest.mark.parametrize("variant", ["llvm_ad_mono", "llvm_ad_spectral"])
+@pytest.mark.parametrize("variant", ["llvm_ad_mono", pytest.param("llvm_ad_spectral", marks=SLOW)])
 def test_other_variants(variant: str, text: str) -> None:
     mi.set_variant(variant)
     technique, given = parse_technique(text)
