@@ -42,13 +42,13 @@ def test_same_mean_as_direct(material: str, sampler: str) -> None:
     assert_same_mean(runs(scene(material, sampler), OURS, spp, RUNS, seed=0), reference(material))
 
 
-@pytest.mark.parametrize("spp", [1, 3])
+@pytest.mark.parametrize("spp", [1, pytest.param(3, marks=SLOW)])
 def test_few_samples(spp: int) -> None:
     images = runs(scene("roughplastic", "multijitter"), OURS, spp, 32 * RUNS, seed=0)
     assert_same_mean(images.reshape(RUNS, -1, *images.shape[1:]).mean(axis=1), reference("roughplastic"))
 
 
-@pytest.mark.parametrize("material", ["diffuse", "roughplastic"])
+@pytest.mark.parametrize("material", [pytest.param("diffuse", marks=SLOW), "roughplastic"])
 def test_a_sun(material: str) -> None:
     lit = scene(material, texels=sun_map())
     assert_same_mean(runs(lit, OURS, 128, RUNS, 0), runs(lit, {"type": "direct"}, 2048, RUNS, 10_000))
