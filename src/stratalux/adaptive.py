@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from .recording import recorded
 
 CONVERGENCE = 2.0
-"""c of error² ∝ n^−c with n samples of a pixel, as measured; the least sum of all has n ∝ (error²)^(1 / (1 + c))."""
+"""c of error² ∝ n^−c with n samples of a pixel: the least sum of all has n ∝ (error²)^(1 / (1 + c)). Measured is 1.3,
+which would be best if errors were known; those that a few samples tell are followed less closely."""
 
 _CHANNELS = 3
 _TINY = 1e-30

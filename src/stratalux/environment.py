@@ -78,7 +78,7 @@ class MapCache(Generic[T]):
         params = mi.traverse(emitter)
         to_world = params["to_world"]
         linear = to_world.matrix.numpy().reshape(4, 4)[:3, :3]
-        if np.abs(linear @ linear.T - np.eye(3)).max() > 1e-3:
+        if not np.allclose(linear @ linear.T, np.eye(3), atol=1e-3):
             raise InputError(
                 f"environment map '{emitter.id()}': to_world scales or shears; use rotations, and 'scale' for light"
             )

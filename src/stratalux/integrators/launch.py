@@ -89,7 +89,7 @@ class Launcher:
         L, valid = self.integrator.radiance(scene, self._light, self._others, points, ray, True)
         return L * importance, points.difference * importance, valid, mi.Point2f(place)
 
-    def _state(self, scene: mi.Scene, sensor: mi.Sensor, *_: Any) -> Any:
+    def _state(self, *_: Any) -> Any:
         """What a launch depends on besides its arguments."""
         light, others = self._light, self._others
         assert light is not None and others is not None

@@ -83,11 +83,7 @@ class Allocation:
 
 def concentration(bsdf: mi.BSDFPtr, sampler: mi.Sampler) -> mi.Float:
     """Logarithm of the pdf of one direction drawn from the smooth lobes; NaN where none could be drawn."""
-    ctx = mi.BSDFContext()
-    ctx.type_mask = int(mi.BSDFFlags.Smooth)
-    si = _surface(sampler)
-    bs, weight = bsdf.sample(ctx, si, sampler.next_1d(), sampler.next_2d())
-    drawn = (bs.pdf > 0) & dr.isfinite(bs.pdf) & dr.any(weight > 0)
+    bs, _, drawn = _draw(bsdf, _surface(sampler), sampler)
     return dr.select(drawn, dr.log(bs.pdf), dr.nan)
 
 
@@ -96,18 +92,9 @@ def _rows(scene: mi.Scene) -> tuple[mi.UInt32, mi.UInt32]:
     count = len(scene.shapes())
     if count == 0:
         return mi.UInt32(_UNKNOWN), mi.UInt32()
-    lane = dr.arange(mi.UInt32, count * _DIRECTIONS)
-    shape = lane // _DIRECTIONS
-    sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(0, count * _DIRECTIONS)
-    bsdf = dr.gather(mi.ShapePtr, scene.shapes_dr(), shape).bsdf()
-    log_pdf = concentration(bsdf, sampler)
-    drawn = ~dr.isnan(log_pdf)
-    total, weight = dr.zeros(mi.Float, count), dr.zeros(mi.Float, count)
-    dr.scatter_add(total, dr.select(drawn, log_pdf, 0), shape)
-    dr.scatter_add(weight, mi.Float(drawn), shape)
-    value = dr.select(weight > 0, dr.exp(total / weight), 0)
-    row = mi.UInt32(0)
+    shape, bsdf, sampler = _tests(scene, 0)
+    value = dr.exp(_means(concentration(bsdf, sampler), shape, count))
+    row = mi.UInt32(0)  # of the BSDFs that have no smooth lobes, too
     for limit in ROWS[:-1]:
         row += mi.UInt32(dr.select(value > limit.concentration, 1, 0))
     identity = dr.reinterpret_array(
@@ -121,29 +108,37 @@ def _rows(scene: mi.Scene) -> tuple[mi.UInt32, mi.UInt32]:
 
 def _proposals(scene: mi.Scene, light: MapLight[LeafSampler], rows: mi.UInt32) -> list[int]:
     """M for each of :data:`ROWS`; ``rows``: that of each shape."""
-    count = dr.width(rows) * _DIRECTIONS
-    if not count:
-        return [1] * len(ROWS)
-    shape = dr.arange(mi.UInt32, count) // _DIRECTIONS
+    shape, bsdf, sampler = _tests(scene, 1)
     row = dr.gather(mi.UInt32, rows, shape)
-    sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(1, count)
-    bsdf = dr.gather(mi.ShapePtr, scene.shapes_dr(), shape).bsdf()
     N, K = (
         dr.gather(mi.Float, mi.Float(numbers), row)
         for numbers in ([row.light for row in ROWS], [row.lobe for row in ROWS])
     )
-    variance = spread(light, bsdf, N, K, sampler)
-    total, weight = dr.zeros(mi.Float, len(ROWS)), dr.zeros(mi.Float, len(ROWS))
-    dr.scatter_add(total, variance, row)
-    dr.scatter_add(weight, mi.Float(1), row)
-    measured = (total / weight).numpy()
-    return [_pairs(value / row.spread, row.most) for value, row in zip(measured, ROWS, strict=True)]
+    measured = _means(spread(light, bsdf, N, K, sampler), row, len(ROWS)).numpy()
+    return [_power_of_two(value / row.spread, row.most) for value, row in zip(measured, ROWS, strict=True)]
 
 
-def _pairs(ratio: float, most: int) -> int:
-    """The power of two next to ``ratio``, in 1 … ``most``."""
+def _power_of_two(ratio: float, most: int) -> int:
+    """The one next to ``ratio``, in 1 … ``most``; 1 where nothing was measured."""
     return 1 << round(math.log2(min(max(ratio, 1), most))) if math.isfinite(ratio) else 1
+
+
+def _tests(scene: mi.Scene, seed: int) -> tuple[mi.UInt32, mi.BSDFPtr, mi.Sampler]:
+    """The shape and the BSDF of each test direction, and random numbers for them."""
+    count = len(scene.shapes()) * _DIRECTIONS
+    shape = dr.arange(mi.UInt32, count) // _DIRECTIONS
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(seed, count)
+    return shape, dr.gather(mi.ShapePtr, scene.shapes_dr(), shape).bsdf(), sampler
+
+
+def _means(values: mi.Float, group: mi.UInt32, count: int) -> mi.Float:
+    """Mean in each of ``count`` groups of the values that are not NaN; NaN where there is none."""
+    counted = ~dr.isnan(values)
+    total, weight = dr.zeros(mi.Float, count), dr.zeros(mi.Float, count)
+    dr.scatter_add(total, dr.select(counted, values, 0), group)
+    dr.scatter_add(weight, mi.Float(counted), group)
+    return total / weight
 
 
 @dr.syntax
@@ -152,15 +147,12 @@ def spread(light: MapLight[LeafSampler], bsdf: mi.BSDFPtr, N: mi.Float, K: mi.Fl
 
     It is relative to the square of their mean, or of :data:`DIM` of the map's if that is more. No shadows.
     """
-    ctx = mi.BSDFContext()
-    ctx.type_mask = int(mi.BSDFFlags.Smooth)
     si = _surface(sampler)
     energy = light.tables.energy * light.scale
     total, squares = mi.Float(0), mi.Float(0)
     k = mi.UInt32(0)
     while k < _DRAWS:
-        bs, weight = bsdf.sample(ctx, si, sampler.next_1d(), sampler.next_2d())
-        found = (bs.pdf > 0) & dr.isfinite(bs.pdf) & dr.any(weight > 0)
+        bs, weight, found = _draw(bsdf, si, sampler)
         L = light.radiance_towards(si.to_world(bs.wo), si, found)
         g = target(L * weight) * K * bs.pdf / (N / energy * target(L) + K * bs.pdf)
         g = dr.select(found, g, 0)
@@ -171,6 +163,16 @@ def spread(light: MapLight[LeafSampler], bsdf: mi.BSDFPtr, N: mi.Float, K: mi.Fl
     variance = dr.maximum(squares - total * mean, 0) / (_DRAWS - 1)
     dim = DIM * energy / (4 * dr.pi)
     return variance / (mean * mean + dim * dim + 1e-30)
+
+
+def _draw(
+    bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, sampler: mi.Sampler
+) -> tuple[mi.BSDFSample3f, mi.Spectrum, mi.Bool]:
+    """A sample of the smooth lobes, its weight, and whether there is one."""
+    ctx = mi.BSDFContext()
+    ctx.type_mask = int(mi.BSDFFlags.Smooth)
+    bs, weight = bsdf.sample(ctx, si, sampler.next_1d(), sampler.next_2d())
+    return bs, weight, (bs.pdf > 0) & dr.isfinite(bs.pdf) & dr.any(weight > 0)
 
 
 def _surface(sampler: mi.Sampler) -> mi.SurfaceInteraction3f:

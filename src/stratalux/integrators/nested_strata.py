@@ -171,9 +171,7 @@ class NestedStrata:
                 if dr.hint(varied, mode="scalar"):
                     H += L_p * MatteVariate.cosine(dr.dot(normal, d))
                 j += 1
-            lit, g = self._worth_a_ray(kept.g, n / mi.Float(M), mix(seed ^ (first + k)), active)
-            lit &= ~scene.ray_test(si.spawn_ray(kept.d), lit)
-            L_o += dr.select(lit, g, 0)
+            L_o += self._shadowed(scene, si, kept, N, mix(seed ^ (first + k)), active)
             k += 1
 
         # -------- BSDF samples, where they help: M for each of K rays ----------
@@ -196,9 +194,7 @@ class NestedStrata:
                     if dr.hint(varied, mode="scalar"):
                         H += L * MatteVariate.cosine(dr.dot(normal, d))
                     j += 1
-                lit, g = self._worth_a_ray(kept.g, K_f / mi.Float(M), mix(seed ^ (first + k)), active)
-                lit &= ~scene.ray_test(si.spawn_ray(kept.d), lit)
-                L_o += dr.select(lit, g, 0)
+                L_o += self._shadowed(scene, si, kept, K, mix(seed ^ (first + k)), active)
                 k += 1
 
         if variate is not None:
@@ -206,12 +202,21 @@ class NestedStrata:
             self.points.difference = albedo * (integral - H)
         return L_o
 
-    def _worth_a_ray(
-        self, g: mi.Spectrum, count: mi.Float, random: mi.UInt32, active: mi.Bool
-    ) -> tuple[mi.Bool, mi.Spectrum]:
-        """Whether to trace a ray for a contribution of ``g``, one of ``count``, and what ``g`` then counts."""
-        active = active & dr.any(g != 0)
-        if self.points.expected is None:
-            return active, g
-        chance = dr.minimum(dr.abs(target(g)) * count / (WORTH_A_RAY * self.points.expected), 1)
-        return active & (unit_float(random) < chance), g / chance
+    def _shadowed(
+        self,
+        scene: mi.Scene,
+        si: mi.SurfaceInteraction3f,
+        kept: Survivor,
+        count: mi.UInt32,
+        random: mi.UInt32,
+        active: mi.Bool,
+    ) -> mi.Spectrum:
+        """What ``kept``, one of ``count``, brings to ``si`` by a ray; where that is little, it gets one at random."""
+        g = kept.g
+        lit = active & dr.any(g != 0)
+        if self.points.expected is not None:
+            chance = dr.minimum(dr.abs(target(g)) * mi.Float(count) / (WORTH_A_RAY * self.points.expected), 1)
+            lit &= unit_float(random) < chance
+            g /= chance
+        lit &= ~scene.ray_test(si.spawn_ray(kept.d), lit)
+        return dr.select(lit, g, 0)
