@@ -9,6 +9,7 @@ nested set of strata.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import drjit as dr
@@ -28,6 +29,8 @@ _MOST = 5
 """Doublings of the mean count, at most."""
 _STEPS = 64
 """Of the logarithm of what a pixel needs, for each doubling."""
+_APART, _UNLIKE = 0.05, 0.01
+"""Squared distance of marks at which a pixel counts half for another, and what any counts at least."""
 _REACH = 2
 """Pixels around that tell what a pixel needs."""
 
@@ -45,7 +48,13 @@ class Plan:
 
 
 def plan_samples(
-    pilot: mi.TensorXf, difference: mi.TensorXf, dim: float, budget: float, least: int, footprint: int = 0
+    pilot: mi.TensorXf,
+    difference: mi.TensorXf,
+    dim: float,
+    budget: float,
+    least: int,
+    footprint: int = 0,
+    marks: Sequence[mi.Float] = (),
 ) -> Plan:
     """Share ``budget`` samples per pixel, on average and about, so that the sum of relative errors is least.
 
@@ -53,7 +62,8 @@ def plan_samples(
     P = 1. ``difference``, of the same shape: a control variate's integral less its estimate, of which any share can be
     added to the pilot. ``dim``: radiance below which errors count as if it were that bright. ``least``: samples of any
     pixel, a power of two, at most ``budget``. ``footprint``: radius in pixels of what a pixel's value depends on beyond
-    its own samples (that of the reconstruction filter; 0 for a box).
+    its own samples (that of the reconstruction filter; 0 for a box). ``marks``: coordinates of each pixel that do not
+    depend on samples; those around that have nearly the same ones tell what it needs.
     """
     _, parts, *size = pilot.shape
     outer = _REACH + footprint
@@ -61,7 +71,8 @@ def plan_samples(
     pixel = dr.arange(mi.UInt32, size[0] * size[1])
     dr.eval(pixel)
     pictures = pilot.array, difference.array
-    need, level, share = _needs(*pictures, pixel, width, height, dr.opaque(mi.Float, dim), parts, outer, footprint)
+    dim = dr.opaque(mi.Float, dim)
+    need, level, share = _needs(*pictures, list(marks), pixel, width, height, dim, parts, outer, footprint)
     steps = need.numpy().reshape(size).astype(np.int64)
     return Plan(_counts(steps, budget, least, outer + footprint), level, share)
 
@@ -70,6 +81,7 @@ def plan_samples(
 def _needs(
     pilot: mi.Float,
     difference: mi.Float,
+    marks: list[mi.Float],
     pixel: mi.UInt32,
     width: mi.UInt32,
     height: mi.UInt32,
@@ -98,7 +110,7 @@ def _needs(
     values = [level, *products, *neighbours]
     dr.eval(values)
 
-    level, around = _around(values, pixel, width, height, outer, inner)
+    level, around = _around(values, marks, pixel, width, height, outer, inner)
     mean, variance, covariance, squares, *neighbours = around
     for error, variate in zip(neighbours[::2], neighbours[1::2], strict=True):
         variance -= error * error
@@ -114,12 +126,19 @@ def _needs(
 
 @dr.syntax
 def _around(
-    values: list[mi.Float], pixel: mi.UInt32, width: mi.UInt32, height: mi.UInt32, outer: int, inner: int
+    values: list[mi.Float],
+    marks: list[mi.Float],
+    pixel: mi.UInt32,
+    width: mi.UInt32,
+    height: mi.UInt32,
+    outer: int,
+    inner: int,
 ) -> tuple[mi.Float, list[mi.Float]]:
     """Mean of the first of ``values`` over the square of radius ``_REACH`` around each pixel, and means of all of them
     over squares without that of radius ``inner``.
 
-    Half of the weight has the square of radius ``outer``, half the least one. Added up directly: a difference of sums,
+    Half of the weight has the square of radius ``outer``, half the least one; in both, pixels with other ``marks`` have
+    hardly any. Added up directly: a difference of sums,
     or running sums, would keep a trace of what is left out.
     """
     row = pixel // width
@@ -128,6 +147,7 @@ def _around(
     near, far = (0.5 / ((2 * radius + 1) ** 2 - (2 * inner + 1) ** 2) for radius in (inner + 1, outer))
     level, pixels = mi.Float(0), mi.Float(0)
     sums, weights = [mi.Float(0) for _ in values], mi.Float(0)
+    own = [dr.gather(mi.Float, mark, pixel) for mark in marks]
     k = mi.Int32(0)
     while k < side * side:
         dy = k // side - outer
@@ -138,6 +158,7 @@ def _around(
         weight = dr.select(distance > inner, far, 0) + dr.select(distance == inner + 1, near, 0)
         weight = dr.select(inside, weight, 0)
         at = mi.UInt32(at_y * mi.Int32(width) + at_x)
+        weight *= _likeness(own, [dr.gather(mi.Float, mark, at, inside) for mark in marks])
         some = [dr.gather(mi.Float, value, at, inside) for value in values]
         sums = _plus(sums, weight, some)
         weights += weight
@@ -146,6 +167,14 @@ def _around(
         pixels += dr.select(close, 1, 0)
         k += 1
     return level / pixels, [s / dr.maximum(weights, _TINY) for s in sums]
+
+
+def _likeness(one: list[mi.Float], other: list[mi.Float]) -> mi.Float:
+    """Of two pixels with these marks: from 1 down to :data:`_UNLIKE`."""
+    if not one:
+        return mi.Float(1)
+    apart = sum(dr.square(a - b) for a, b in zip(one, other, strict=True)) / _APART
+    return _UNLIKE + dr.rcp(1 + apart * apart)
 
 
 def _plus(sums: list[mi.Float], weight: mi.Float, values: list[mi.Float]) -> list[mi.Float]:

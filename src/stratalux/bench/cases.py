@@ -109,8 +109,8 @@ FULL = Suite(
             ("teapot", "polished", "forest"),
         )
     ),
-    size=(150, 100),
-    preview_size=(144, 108),
+    size=(120, 80),
+    preview_size=(112, 84),
     reference_spp=2048,
     reference_factor=1,
     ladder=(16, 64, 256),
@@ -118,7 +118,7 @@ FULL = Suite(
     screened=4,
     finalists=2,
     repeats=2,
-    seconds=40.0,
+    seconds=45.0,
     floor_spp=16,
     preparation=((1024, 512, 1024, 11), (16384, 8192, 1024, 3)),
 )

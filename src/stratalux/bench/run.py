@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import gc
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
@@ -98,6 +99,7 @@ def run(
         settings = {**settings_of(case, suite), "ours": OURS.label, "assets": [sizes[case.map], sizes[case.scene]]}
 
         def compute(fraction: Callable[[float], None], case: Any = case) -> dict[str, Any]:
+            gc.collect()  # kernels number what lives: beside an earlier scene, each would be compiled anew
             return measure_case(case, suite, assets, cache=cache, fraction=fraction).to_json()
 
         cases.append(CaseResult.from_json(study.step(case.name, settings, suite.seconds, compute)))

@@ -20,6 +20,7 @@ from .common import DirectIntegrator
 from .launch import Launch, Launcher
 from .light_samples import FreshLight
 from .lobes import DIM, Allocation
+from .look import Look
 from .nested_strata import NestedStrata, PixelPoints
 from .variate import MatteVariate
 
@@ -138,7 +139,7 @@ class Automatic(AutomaticSample):
         sensor.film().prepare([])
         launcher = self._launcher_of(scene, sensor)
         launcher.begin(light)
-        view = _View(launcher)
+        view = _View(launcher, launcher.look() if self._allocation.any_bsdf_samples else None)
         seed = mi.UInt32(seed)
         dr.make_opaque(seed)  # or every value would be compiled into a kernel of its own
 
@@ -189,8 +190,8 @@ class _Lanes:
 class _View:
     """The film of a sensor, and launches of samples for it."""
 
-    def __init__(self, launcher: Launcher) -> None:
-        self.launcher = launcher
+    def __init__(self, launcher: Launcher, look: Look | None) -> None:
+        self.launcher, self.look = launcher, look
         self.film = launcher.sensor.film()
         self.width, self.height = (int(side) for side in self.film.crop_size())
         self.pixels = self.width * self.height
@@ -210,7 +211,7 @@ class _View:
         if dr.width(expected) > 1:
             expected = dr.gather(mi.Float, expected, pixel)
         dr.eval(index, expected)
-        launch = Launch(pixel, index, seed, expected, shared)
+        launch = Launch(pixel, index, seed, expected, shared, self.look.detailed if self.look else None)
         return _Lanes(pixel, index, *self.launcher.samples(launch))
 
     def put(self, block: mi.ImageBlock, lanes: _Lanes, value: mi.Spectrum, alpha: mi.Bool, weight: mi.Float) -> None:
@@ -269,7 +270,8 @@ class _Pilot:
         box = filter.is_box_filter()
         # With a wider filter, a sample counts in several pixels, so each needs later ones.
         least, footprint = (self.count, 0) if box else (2 * self.count, int(np.ceil(filter.radius() - 0.5)))
-        return plan_samples(pilot, difference, dim, max(budget, least), least, footprint)
+        marks = view.look.marks if view.look else ()
+        return plan_samples(pilot, difference, dim, max(budget, least), least, footprint, marks)
 
 
 def _pilot(spp: int) -> int:

@@ -14,6 +14,7 @@ from ..points import mix, sobol_2d
 from ..recording import recorded
 from .common import OtherEmitters
 from .light_samples import SharedLight
+from .look import Look, look, pixels_of
 from .nested_strata import PixelPoints
 
 if TYPE_CHECKING:
@@ -30,7 +31,8 @@ class Launch:
     """Which samples to take: number ``index`` of each ``pixel``.
 
     ``seed``: of the points of all pixels, opaque. ``expected``: luminance at each lane, or one for all. ``shared``:
-    seed of the samples of the map that all lanes share; None where each is to have its own.
+    seed of the samples of the map that all lanes share; None where each is to have its own. ``detailed``: for every
+    pixel of the film, as in a :class:`~.look.Look`; None where that makes no difference.
     """
 
     pixel: mi.UInt32
@@ -38,6 +40,7 @@ class Launch:
     seed: mi.UInt32
     expected: mi.Float
     shared: mi.UInt32 | None
+    detailed: mi.UInt32 | None = None
 
 
 class Launcher:
@@ -53,6 +56,7 @@ class Launcher:
         self._others: OtherEmitters | None = None
         self._fixed: tuple[Hashable, ...] = ()
         self._replayed = recorded(self._samples, state_fn=self._state, limit=_RECORDINGS)
+        self._looked = recorded(self._look, state_fn=self._state, limit=_RECORDINGS)
 
     def begin(self, light: MapLight[NestedTables]) -> None:
         """Look at the scene as it is now; the launches that follow render that."""
@@ -61,10 +65,7 @@ class Launcher:
 
     def samples(self, launch: Launch) -> _Samples:
         """Radiance, difference of the variate, alpha, and place in pixels of each sample."""
-        size = self.sensor.film().crop_size()
-        width, extent = mi.UInt32(int(size[0])), mi.Vector2f(float(size[0]), float(size[1]))
-        dr.make_opaque(width, extent)
-        arguments = self.scene, self.sensor, width, extent, launch
+        arguments = *self._view(), launch
         try:
             return self._replayed(*arguments)
         except RuntimeError:
@@ -72,12 +73,41 @@ class Launcher:
             self._replayed = self._samples
             return self._samples(*arguments)
 
+    def look(self) -> Look:
+        """At every pixel; the scene must have shapes."""
+        width, height = (int(side) for side in self.sensor.film().crop_size())
+        corner, pixel = dr.arange(mi.UInt32, (width + 1) * (height + 1)), dr.arange(mi.UInt32, width * height)
+        dr.eval(corner, pixel)
+        return self._looked(*self._view(), corner, pixel)
+
+    def _view(self) -> tuple[mi.Scene, mi.Sensor, mi.UInt32, mi.Vector2f]:
+        """What is seen, from where, and the size of the film in pixels: its width, and both."""
+        size = self.sensor.film().crop_size()
+        width, extent = mi.UInt32(int(size[0])), mi.Vector2f(float(size[0]), float(size[1]))
+        dr.make_opaque(width, extent)
+        return self.scene, self.sensor, width, extent
+
+    def _look(
+        self,
+        scene: mi.Scene,
+        sensor: mi.Sensor,
+        width: mi.UInt32,
+        extent: mi.Vector2f,
+        corner: mi.UInt32,
+        pixel: mi.UInt32,
+    ) -> Look:
+        corners = look(scene, sensor, width, extent, corner)
+        dr.eval(corners)
+        return pixels_of(corners, pixel, width)
+
     def _samples(
         self, scene: mi.Scene, sensor: mi.Sensor, width: mi.UInt32, extent: mi.Vector2f, launch: Launch
     ) -> _Samples:
         assert self._light is not None and self._others is not None
         samples = None if launch.shared is None else SharedLight(self._light, launch.shared)
         points = PixelPoints(launch.index, mix(launch.pixel ^ mix(launch.seed)), samples, launch.expected)
+        if launch.detailed is not None:
+            points.detailed = dr.gather(mi.UInt32, launch.detailed, launch.pixel)
         row = launch.pixel // width
         place = mi.Vector2f(mi.Float(launch.pixel - row * width), mi.Float(row))
         place += sobol_2d(points.index, mix(points.seed ^ 0x51633E2D))

@@ -15,8 +15,8 @@ from .common import target
 DIM = 0.15
 """Of the map's mean radiance: surfaces darker than that are not thought to be looked at for their noise."""
 
-_DIRECTIONS = 256
-"""Test directions for each surface."""
+_DIRECTIONS, _LANES = 256, 16384
+"""Test directions for each surface, at least, and for all of them together."""
 _DRAWS = 8
 """From the BSDF in each of them, to see how they differ under the map."""
 
@@ -46,6 +46,13 @@ ROWS = (
 )
 """A diffuse surface has a concentration of 0.2, a plastic with a gloss of 0.14 has 0.26, a GGX conductor of roughness
 0.14 has 1.3 and of roughness 0.05 has 9."""
+BESIDE_GLOSS = 8
+"""Rays for light samples, at most, where other surfaces of the scene have no matte part: most of its camera samples
+are theirs, with some for the pixels around them."""
+DETAILED_LIGHT = 4
+"""The same in a pixel that is :attr:`~.look.Look.detailed`, where it takes camera samples to find what there is."""
+DETAILED_SPREAD = 0.082
+"""Relative variance of what BSDF samples bring (see :attr:`Row.spread`) that is worth one ray for them there."""
 MOST_RAYS = max(row.light + row.lobe for row in ROWS)
 _UNKNOWN = 2
 """The row of BSDFs that are not seen in the list of shapes, as those of instances."""
@@ -63,21 +70,35 @@ class Allocation:
         self._identities, rows = _rows(scene)
         used = set(rows.numpy().tolist()) | ({_UNKNOWN} if _has_instances(scene) else set())
         self.any_bsdf_samples = any(ROWS[row].lobe for row in used)
+        self._any_glossy = any(not ROWS[row].matte for row in used)
         self.any_matte = any(ROWS[row].matte for row in used)
-        proposals = _proposals(scene, light, rows) if self.any_bsdf_samples else [1] * len(ROWS)
-        shares = zip(ROWS, proposals, strict=True)
-        self._table = mi.UInt32([row.light | row.lobe << 8 | M << 16 | row.matte << 31 for row, M in shares])
+        spreads = _spreads(scene, light, rows) if self.any_bsdf_samples else [math.nan] * len(ROWS)
+        shares = [
+            (row, spread, detailed) for detailed in (False, True) for row, spread in zip(ROWS, spreads, strict=True)
+        ]
+        self._table = mi.UInt32([self._share(*share) for share in shares])
 
     def arrays(self) -> tuple[mi.UInt32, ...]:
         """What kernels read."""
         return self._identities, self._table
 
-    def of(self, bsdf: mi.BSDFPtr, active: mi.Bool) -> tuple[mi.UInt32, mi.UInt32, mi.UInt32, mi.Bool]:
-        """N, K, M, and whether to use the variate, at each lane."""
+    def _share(self, row: Row, spread: float, detailed: bool) -> int:
+        """What :meth:`of` tells, in one number."""
+        N, K, M = row.light, row.lobe, _power_of_two(spread / row.spread, row.most)
+        if self._any_glossy:
+            N = min(N, DETAILED_LIGHT if detailed else BESIDE_GLOSS)
+        if detailed and math.isfinite(spread):
+            K = min(K, max(1, round(spread / DETAILED_SPREAD)))
+        return N | K << 8 | M << 16 | row.matte << 31
+
+    def of(
+        self, bsdf: mi.BSDFPtr, detailed: mi.UInt32, active: mi.Bool
+    ) -> tuple[mi.UInt32, mi.UInt32, mi.UInt32, mi.Bool]:
+        """N, K, M, and whether to use the variate, at each lane; ``detailed``: 1 in pixels that are, or 0."""
         identity = dr.reinterpret_array(mi.UInt32, bsdf)
         known = active & (identity < dr.width(self._identities))
         row = dr.select(known, dr.gather(mi.UInt32, self._identities, identity, known), _UNKNOWN)
-        shares = dr.gather(mi.UInt32, self._table, row, active)
+        shares = dr.gather(mi.UInt32, self._table, row + detailed * len(ROWS), active)
         return shares & 0xFF, shares >> 8 & 0xFF, shares >> 16 & 0xFF, shares >> 31 != 0
 
 
@@ -106,16 +127,15 @@ def _rows(scene: mi.Scene) -> tuple[mi.UInt32, mi.UInt32]:
     return rows, row
 
 
-def _proposals(scene: mi.Scene, light: MapLight[LeafSampler], rows: mi.UInt32) -> list[int]:
-    """M for each of :data:`ROWS`; ``rows``: that of each shape."""
+def _spreads(scene: mi.Scene, light: MapLight[LeafSampler], rows: mi.UInt32) -> list[float]:
+    """Mean :func:`spread` for each of :data:`ROWS`, NaN where there is none; ``rows``: that of each shape."""
     shape, bsdf, sampler = _tests(scene, 1)
     row = dr.gather(mi.UInt32, rows, shape)
     N, K = (
         dr.gather(mi.Float, mi.Float(numbers), row)
         for numbers in ([row.light for row in ROWS], [row.lobe for row in ROWS])
     )
-    measured = _means(spread(light, bsdf, N, K, sampler), row, len(ROWS)).numpy()
-    return [_power_of_two(value / row.spread, row.most) for value, row in zip(measured, ROWS, strict=True)]
+    return [float(value) for value in _means(spread(light, bsdf, N, K, sampler), row, len(ROWS)).numpy()]
 
 
 def _power_of_two(ratio: float, most: int) -> int:
@@ -125,8 +145,9 @@ def _power_of_two(ratio: float, most: int) -> int:
 
 def _tests(scene: mi.Scene, seed: int) -> tuple[mi.UInt32, mi.BSDFPtr, mi.Sampler]:
     """The shape and the BSDF of each test direction, and random numbers for them."""
-    count = len(scene.shapes()) * _DIRECTIONS
-    shape = dr.arange(mi.UInt32, count) // _DIRECTIONS
+    each = max(_DIRECTIONS, _LANES // len(scene.shapes()))
+    count = len(scene.shapes()) * each
+    shape = dr.arange(mi.UInt32, count) // each
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed, count)
     return shape, dr.gather(mi.ShapePtr, scene.shapes_dr(), shape).bsdf(), sampler

@@ -39,6 +39,8 @@ class PixelPoints:
         self.index, self.seed, self.samples, self.expected = index, seed, samples, expected
         self.difference = mi.Spectrum(0)
         """After an estimate: the variate's integral less its estimate, 0 on average."""
+        self.detailed = mi.UInt32(0)
+        """As in a :class:`~.look.Look`."""
         self._dimension = 0
 
     @classmethod
@@ -135,7 +137,7 @@ class NestedStrata:
         """Direct light of the environment map at ``si`` from smooth lobes."""
         ctx = mi.BSDFContext()
         ctx.type_mask = int(mi.BSDFFlags.Smooth)
-        N, K, M, matte = self.allocation.of(bsdf, active)
+        N, K, M, matte = self.allocation.of(bsdf, self.points.detailed, active)
         n, K_f = mi.Float(N * M), mi.Float(K * M)
         density = n / (light.tables.energy * light.scale)  # N M p̃ is this times the luminance
         L_o = mi.Spectrum(0)
