@@ -23,11 +23,18 @@ def pilot(height: int, width: int, seed: int = 0, parts: int = 4) -> NDArray[np.
 
 
 def plan(
-    images: NDArray[Any], variate: NDArray[Any], dim: float, budget: float, least: int, footprint: int = 0
+    images: NDArray[Any],
+    variate: NDArray[Any],
+    dim: float,
+    budget: float,
+    least: int,
+    footprint: int = 0,
+    marks: NDArray[Any] | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Counts and shares (H, W) from images (P, H, W, C)."""
+    """Counts and shares (H, W) from images (P, H, W, C), and from marks (K, H, W)."""
     pilot, difference = (mi.TensorXf(np.moveaxis(x, -1, 0).astype(np.float32)) for x in (images, variate))
-    plan = plan_samples(pilot, difference, dim, budget, least, footprint)
+    marked = [mi.Float(mark.ravel().astype(np.float32)) for mark in (() if marks is None else marks)]
+    plan = plan_samples(pilot, difference, dim, budget, least, footprint, marked)
     return plan.counts, plan.share.numpy().reshape(plan.counts.shape)
 
 
@@ -52,6 +59,19 @@ def test_samples_go_where_the_error_is() -> None:
     assert counts[:, 70:].mean() > 8 * counts[:, :50].mean()
 
 
+def test_noise_stays_on_its_side_of_a_mark() -> None:
+    """Calm pixels beside a noisy shape get no more samples than those far away, if they show another."""
+    images = np.full((4, 80, 120, 3), 1.0, dtype=np.float32)
+    images[:, :, 60:] += np.random.default_rng(1).normal(size=(4, 80, 60, 3)) * 0.5
+    side = np.broadcast_to(np.arange(120) >= 60, (80, 120))
+    marks = np.stack([side, ~side])
+    counts, _ = plan(images, np.zeros_like(images), 0.1, 32, 2, marks=marks)
+    unmarked, _ = plan(images, np.zeros_like(images), 0.1, 32, 2)
+    assert counts[:, 59].mean() < 0.5 * unmarked[:, 59].mean()
+    assert counts[:, 60].mean() > unmarked[:, 60].mean()
+    assert (counts[:, 62:].mean() / counts[:, :58].mean()) > 4
+
+
 def test_black_images_and_images_without_error_are_sampled_evenly() -> None:
     for value in (0.0, 0.5):
         counts = counts_of(np.full((4, 40, 30, 3), value, dtype=np.float32), 0.1, 16, 2)
@@ -66,9 +86,10 @@ def test_black_images_and_images_without_error_are_sampled_evenly() -> None:
     st.integers(0, 2),
     st.sampled_from([0.0, -3.0, 1.0, 1e4, 1e9, 1e15]),
     st.integers(0, 2**32 - 1),
+    st.booleans(),
 )
 def test_a_count_does_not_depend_on_the_samples_of_its_pixel(
-    parts: int, y: int, x: int, footprint: int, value: float, seed: int
+    parts: int, y: int, x: int, footprint: int, value: float, seed: int, marked: bool
 ) -> None:
     """What makes the image unbiased: not even a firefly in its own pilot changes what a pixel gets."""
     before = [pilot(64, 40, 3, parts), pilot(64, 40, 4, parts) - 100]
@@ -76,7 +97,8 @@ def test_a_count_does_not_depend_on_the_samples_of_its_pixel(
     near = np.s_[:, max(0, y - footprint) : y + footprint + 1, max(0, x - footprint) : x + footprint + 1]
     for images in after:
         images[near] = value * np.random.default_rng(seed).random(images[near].shape)
-    first, second = (plan(*images, 0.1, 16, 2, footprint) for images in (before, after))
+    marks = np.random.default_rng(5).random((2, 64, 40)).round() if marked else None
+    first, second = (plan(*images, 0.1, 16, 2, footprint, marks) for images in (before, after))
     for a, b in zip(first, second, strict=True):
         assert a[y, x] == b[y, x]
 

@@ -175,6 +175,20 @@ def test_shares_follow_the_lobes() -> None:
     assert diffuse[0] >= rough[0] >= shiny[0]
 
 
+def test_rays_go_to_other_pixels_where_some_are_glossy() -> None:
+    """A matte box takes fewer beside metal, and fewer again at a rim; metal that shows detail does so, too."""
+
+    def box_and_ball(material: str, detailed: int) -> list[list[int]]:
+        lit = scene(material, texels=np.full((32, 64, 3), 0.7, dtype=np.float32))
+        shapes = {shape.class_name(): mi.BSDFPtr(shape.bsdf()) for shape in lit.shapes()}
+        return [allocated(lit, shapes[name], detailed) for name in ("Cube", "Sphere")]
+
+    assert box_and_ball("diffuse", 0) == box_and_ball("diffuse", 1)
+    (plain, metal), (rim, detail) = box_and_ball("roughconductor", 0), box_and_ball("roughconductor", 1)
+    assert box_and_ball("diffuse", 0)[0][0] > plain[0] > rim[0] >= metal[0]
+    assert metal[1] > detail[1] >= 1 and metal[0] == detail[0]
+
+
 def test_proposals_follow_the_map() -> None:
     """None more under an even sky; some where the map is full of detail, and more for narrower lobes."""
 
