@@ -138,8 +138,7 @@ def _around(
     over squares without that of radius ``inner``.
 
     Half of the weight has the square of radius ``outer``, half the least one; in both, pixels with other ``marks`` have
-    hardly any. Added up directly: a difference of sums,
-    or running sums, would keep a trace of what is left out.
+    hardly any. Added up directly: a difference of sums, or running sums, would keep a trace of what is left out.
     """
     row = pixel // width
     x, y = mi.Int32(pixel - row * width), mi.Int32(row)

@@ -157,6 +157,8 @@ def _passes(
         dr.eval(total)
         done += int(camera.sampler().sample_count())  # some samplers round up
         yield total, float(done)
+    # What the last wavefront has left in the sampler would be handed to every kernel that is replayed from then on.
+    camera.sampler().seed(0, 1)
 
 
 def _pass_sizes(spp: int, samples_per_spp: int) -> list[int]:

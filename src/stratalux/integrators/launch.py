@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from ..points import mix, sobol_2d
 from ..recording import recorded
 from .common import OtherEmitters
 from .light_samples import SharedLight
-from .look import Look, look, pixels_of
+from .look import Look, look, pixels_of, shape_numbers
 from .nested_strata import PixelPoints
 
 if TYPE_CHECKING:
@@ -54,38 +54,45 @@ class Launcher:
         self.integrator, self.scene, self.sensor = integrator, scene, sensor
         self._light: MapLight[NestedTables] | None = None
         self._others: OtherEmitters | None = None
+        self._numbers: mi.UInt32 | None = None
         self._fixed: tuple[Hashable, ...] = ()
-        self._replayed = recorded(self._samples, state_fn=self._state, limit=_RECORDINGS)
-        self._looked = recorded(self._look, state_fn=self._state, limit=_RECORDINGS)
+        self._recorded = {
+            function: recorded(function, state_fn=self._state, limit=_RECORDINGS)
+            for function in (self._samples, self._look)
+        }
 
     def begin(self, light: MapLight[NestedTables]) -> None:
         """Look at the scene as it is now; the launches that follow render that."""
         self._light, self._others = light, OtherEmitters(self.scene, True)
         self._fixed = *_constants(self.scene), *_constants(self.sensor)
+        # Its state, as wide as the last wavefront of another integrator, would be handed to every kernel replayed.
+        self.sensor.sampler().seed(0, 1)
 
     def samples(self, launch: Launch) -> _Samples:
         """Radiance, difference of the variate, alpha, and place in pixels of each sample."""
-        arguments = *self._view(), launch
-        try:
-            return self._replayed(*arguments)
-        except RuntimeError:
-            # Dr.Jit cannot record every scene: not one without shapes, for instance.
-            self._replayed = self._samples
-            return self._samples(*arguments)
+        return self._replayed(self._samples, launch)
 
     def look(self) -> Look:
-        """At every pixel; the scene must have shapes."""
+        """At every pixel of a scene with shapes."""
         width, height = (int(side) for side in self.sensor.film().crop_size())
         corner, pixel = dr.arange(mi.UInt32, (width + 1) * (height + 1)), dr.arange(mi.UInt32, width * height)
         dr.eval(corner, pixel)
-        return self._looked(*self._view(), corner, pixel)
+        if self._numbers is None:
+            self._numbers = shape_numbers(self.scene)
+        return self._replayed(self._look, self._numbers, corner, pixel)
 
-    def _view(self) -> tuple[mi.Scene, mi.Sensor, mi.UInt32, mi.Vector2f]:
-        """What is seen, from where, and the size of the film in pixels: its width, and both."""
+    def _replayed(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """``function`` of the scene, the sensor, the width and the size of the film in pixels, and ``arguments``."""
         size = self.sensor.film().crop_size()
         width, extent = mi.UInt32(int(size[0])), mi.Vector2f(float(size[0]), float(size[1]))
         dr.make_opaque(width, extent)
-        return self.scene, self.sensor, width, extent
+        arguments = self.scene, self.sensor, width, extent, *arguments
+        try:
+            return self._recorded[function](*arguments)
+        except RuntimeError:
+            # Dr.Jit cannot record every scene: not one without shapes, for instance.
+            self._recorded[function] = function
+            return function(*arguments)
 
     def _look(
         self,
@@ -93,10 +100,11 @@ class Launcher:
         sensor: mi.Sensor,
         width: mi.UInt32,
         extent: mi.Vector2f,
+        numbers: mi.UInt32,
         corner: mi.UInt32,
         pixel: mi.UInt32,
     ) -> Look:
-        corners = look(scene, sensor, width, extent, corner)
+        corners = look(scene, sensor, width, extent, numbers, corner)
         dr.eval(corners)
         return pixels_of(corners, pixel, width)
 

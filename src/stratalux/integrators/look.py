@@ -27,8 +27,22 @@ class Look:
     detailed: mi.UInt32
 
 
+def shape_numbers(scene: mi.Scene) -> mi.UInt32:
+    """The place of each shape in the scene's list, by the number that Dr.Jit gives it, which is not the same twice."""
+    identity = dr.reinterpret_array(mi.UInt32, scene.shapes_dr())
+    numbers = dr.zeros(mi.UInt32, int(dr.max(identity)[0]) + 1)
+    dr.scatter(numbers, dr.arange(mi.UInt32, dr.width(identity)), identity)
+    dr.eval(numbers)
+    return numbers
+
+
 def look(
-    scene: mi.Scene, sensor: mi.Sensor, width: mi.UInt32, extent: mi.Vector2f, corner: mi.UInt32
+    scene: mi.Scene,
+    sensor: mi.Sensor,
+    width: mi.UInt32,
+    extent: mi.Vector2f,
+    numbers: mi.UInt32,
+    corner: mi.UInt32,
 ) -> list[mi.Float]:
     """Mark and normal at each ``corner`` of the pixels, row by row; 0 where there is nothing."""
     row = corner // (width + 1)
@@ -37,9 +51,10 @@ def look(
     ray, _ = sensor.sample_ray(time, mi.Float(0.5), mi.Point2f(place / extent), mi.Point2f(0.5))
     si = scene.ray_intersect(ray, mi.RayFlags.ShadingFrame, coherent=False, active=mi.Bool(True))
     hit = si.is_valid()
-    # Small numbers, one for each shape: multiples of the golden angle keep them apart.
-    shape = mi.Float(dr.reinterpret_array(mi.UInt32, si.shape))
-    angle = 2 * dr.pi * (shape * _GOLDEN - dr.floor(shape * _GOLDEN))
+    identity = dr.reinterpret_array(mi.UInt32, si.shape)
+    # Those of instances are not in the list. Multiples of the golden angle keep the others apart.
+    turns = _GOLDEN * mi.Float(dr.gather(mi.UInt32, numbers, identity, hit & (identity < dr.width(numbers))))
+    angle = dr.two_pi * (turns - dr.floor(turns))
     n = dr.mulsign(si.sh_frame.n, -dr.dot(si.sh_frame.n, ray.d))
     return [dr.select(hit, value, 0) for value in (dr.cos(angle), dr.sin(angle), n.x, n.y, n.z)]
 
