@@ -8,6 +8,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+import stratalux
+
 from .helpers import scene_dict
 
 OURS = {"type": "direct_stratified"}
@@ -57,6 +59,18 @@ def test_scenes_and_sensors_take_turns() -> None:
     again = [mi.render(scene, integrator=integrator, spp=4, seed=1).numpy() for scene in scenes]
     np.testing.assert_allclose(first, again, rtol=1e-4, atol=1e-5)
     assert np.abs(first[0] - first[1]).max() > 1e-2
+
+
+def test_what_others_leave_in_a_sampler_is_not_handed_on() -> None:
+    """It would be copied at every replay: here 13,824 lanes of state."""
+    scene = mi.load_dict(scene_dict("diffuse"))
+    sampler = scene.sensors()[0].sampler()
+    mi.render(scene, integrator=mi.load_dict({"type": "direct"}), spp=64)
+    assert sampler.wavefront_size() == 64 * 18 * 12
+    mi.render(scene, integrator=mi.load_dict(OURS), spp=4)
+    assert sampler.wavefront_size() == 1
+    stratalux.render(scene, technique="direct", spp=4)
+    assert sampler.wavefront_size() == 1
 
 
 def test_a_scene_that_cannot_be_recorded() -> None:

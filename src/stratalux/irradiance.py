@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 from numpy.polynomial.legendre import leg2poly, leggauss
-from numpy.polynomial.polynomial import polyder, polyval
+from numpy.polynomial.polynomial import polyder
 from numpy.typing import NDArray
 from scipy.special import eval_legendre, factorial
 
@@ -53,11 +53,13 @@ def irradiance_coefficients(texels: NDArray[np.float32]) -> dict[int, _Float]:
     pairs = [(degree, m) for degree in DEGREES for m in range(degree + 1)]
     rows = _row_weights(height, *np.array(pairs).T).astype(np.float32)
     by_column = np.zeros((len(pairs), width * channels))
+    whole = width * channels // _COLUMNS * _COLUMNS
     for first in range(0, height, _ROWS):
+        weights = rows[:, first : first + _ROWS]
         block = texels[first : first + _ROWS].reshape(-1, width * channels)
-        for left in range(0, width * channels, _COLUMNS):
-            part = np.s_[:, left : left + _COLUMNS]
-            by_column[part] += rows[:, first : first + _ROWS] @ block[part]
+        parts = block[:, :whole].reshape(len(block), -1, _COLUMNS).swapaxes(0, 1)
+        by_column[:, :whole] += (weights @ parts).swapaxes(0, 1).reshape(len(pairs), whole)
+        by_column[:, whole:] += weights @ block[:, whole:]
     by_column = by_column.reshape(len(pairs), width, channels)
     phi = 2 * np.pi * (np.arange(width) + 0.5) / width
     orders = np.arange(max(DEGREES) + 1)
@@ -81,16 +83,19 @@ def _row_weights(height: int, degree: NDArray[np.int64], m: NDArray[np.int64]) -
     K = np.sqrt((2 * degree + 1) / (4 * np.pi) * factorial(degree - m) / factorial(degree + m) * np.where(m, 2, 1))
     x, sin_θ = np.cos(theta), np.sin(theta)
     measure = sin_θ * weight * step / 2
-    powers = [measure * (-sin_θ) ** order for order in range(max(DEGREES) + 1)]
+    powers = np.cumprod([measure, *[-sin_θ] * max(DEGREES)], axis=0)
+    derivatives = np.array([K * _derivative(*pair) for K, *pair in zip(K, degree.tolist(), m.tolist(), strict=True)])
+    values = np.tensordot(derivatives, np.cumprod([np.ones_like(x), *[x] * max(DEGREES)], axis=0), 1) * powers[m]
     weights = np.zeros((len(m), height))
-    for pair, derivative in enumerate(map(_derivative, degree.tolist(), m.tolist())):
-        values = K[pair] * polyval(x, derivative) * powers[m[pair]]
-        weights[pair, :-1] += values @ (1 - t)
-        weights[pair, 1:] += values @ t
+    weights[:, :-1] += values @ (1 - t)
+    weights[:, 1:] += values @ t
     return weights
 
 
 @cache
 def _derivative(degree: int, m: int) -> _Float:
-    """Coefficients of the m-th derivative of the Legendre polynomial, which makes P_lm with (−sin θ)^m."""
-    return np.asarray(polyder(leg2poly([0] * degree + [1]), m), dtype=np.float64)
+    """The m-th derivative of the Legendre polynomial, which makes P_lm with (−sin θ)^m: its powers, from 0 up."""
+    coefficients = np.zeros(max(DEGREES) + 1)
+    derivative = polyder(leg2poly([0] * degree + [1]), m)
+    coefficients[: len(derivative)] = derivative
+    return coefficients
