@@ -39,7 +39,7 @@ test: lint llvm ## lint, type-check and run the tests
 test-slow: llvm ## run the statistical tests that take minutes
 	$(BIN)/python -m pytest -m slow $(ARGS)
 
-bench: llvm ## measure against the best of Mitsuba's own, on an idle machine; ARGS='--suite full' takes hours
+bench: llvm ## measure against the best of Mitsuba's own, on an idle machine; ARGS='--suite full' takes an hour
 	$(BIN)/stratalux bench $(ARGS)
 
 lint: install ## ruff and mypy, without changing a file

@@ -118,7 +118,7 @@ FULL = Suite(
     screened=4,
     finalists=2,
     repeats=2,
-    seconds=45.0,
+    seconds=35.0,
     floor_spp=16,
     preparation=((1024, 512, 1024, 11), (16384, 8192, 1024, 3)),
 )

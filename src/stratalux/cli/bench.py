@@ -28,7 +28,7 @@ _SUITES = ("quick", "full")
     type=click.Choice(_SUITES),
     default="quick",
     show_default=True,
-    help="quick: five cases, minutes; full: 100 cases, hours.",
+    help="quick: five cases, minutes; full: 100 cases, an hour.",
 )
 @click.option("--json", "json_path", metavar="FILE", help="Write all figures there too; - prints them instead.")
 @click.option("-o", "--output", metavar="FOLDER", help="Folder of the results.  [default: bench-SUITE]")
