@@ -65,7 +65,7 @@ def test_what_others_leave_in_a_sampler_is_not_handed_on() -> None:
     """It would be copied at every replay: here 13,824 lanes of state."""
     scene = mi.load_dict(scene_dict("diffuse"))
     sampler = scene.sensors()[0].sampler()
-    mi.render(scene, integrator=mi.load_dict({"type": "direct"}), spp=64)
+    mi.load_dict({"type": "direct"}).render(scene, spp=64)
     assert sampler.wavefront_size() == 64 * 18 * 12
     mi.render(scene, integrator=mi.load_dict(OURS), spp=4)
     assert sampler.wavefront_size() == 1
