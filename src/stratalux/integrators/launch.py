@@ -14,7 +14,7 @@ from ..points import mix, sobol_2d
 from ..recording import recorded
 from .common import OtherEmitters
 from .light_samples import SharedLight
-from .look import Look, look, pixels_of, shape_numbers
+from .look import Look, look, shape_numbers
 from .nested_strata import PixelPoints
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Launch:
     seed: mi.UInt32
     expected: mi.Float
     shared: mi.UInt32 | None
-    detailed: mi.UInt32 | None = None
+    detailed: mi.UInt32 | None
 
 
 class Launcher:
@@ -57,8 +57,7 @@ class Launcher:
         self._numbers: mi.UInt32 | None = None
         self._fixed: tuple[Hashable, ...] = ()
         self._recorded = {
-            function: recorded(function, state_fn=self._state, limit=_RECORDINGS)
-            for function in (self._samples, self._look)
+            function: recorded(function, state_fn=self._state, limit=_RECORDINGS) for function in (self._samples, look)
         }
 
     def begin(self, light: MapLight[NestedTables]) -> None:
@@ -79,7 +78,7 @@ class Launcher:
         dr.eval(corner, pixel)
         if self._numbers is None:
             self._numbers = shape_numbers(self.scene)
-        return self._replayed(self._look, self._numbers, corner, pixel)
+        return self._replayed(look, self._numbers, corner, pixel)
 
     def _replayed(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """``function`` of the scene, the sensor, the width and the size of the film in pixels, and ``arguments``."""
@@ -93,20 +92,6 @@ class Launcher:
             # Dr.Jit cannot record every scene: not one without shapes, for instance.
             self._recorded[function] = function
             return function(*arguments)
-
-    def _look(
-        self,
-        scene: mi.Scene,
-        sensor: mi.Sensor,
-        width: mi.UInt32,
-        extent: mi.Vector2f,
-        numbers: mi.UInt32,
-        corner: mi.UInt32,
-        pixel: mi.UInt32,
-    ) -> Look:
-        corners = look(scene, sensor, width, extent, numbers, corner)
-        dr.eval(corners)
-        return pixels_of(corners, pixel, width)
 
     def _samples(
         self, scene: mi.Scene, sensor: mi.Sensor, width: mi.UInt32, extent: mi.Vector2f, launch: Launch

@@ -43,8 +43,9 @@ def look(
     extent: mi.Vector2f,
     numbers: mi.UInt32,
     corner: mi.UInt32,
-) -> list[mi.Float]:
-    """Mark and normal at each ``corner`` of the pixels, row by row; 0 where there is nothing."""
+    pixel: mi.UInt32,
+) -> Look:
+    """At each ``pixel`` of a film of that ``width``, by rays through every ``corner``, row by row."""
     row = corner // (width + 1)
     place = mi.Point2f(mi.Float(corner - row * (width + 1)), mi.Float(row))
     time = mi.Float(sensor.shutter_open())
@@ -56,11 +57,9 @@ def look(
     turns = _GOLDEN * mi.Float(dr.gather(mi.UInt32, numbers, identity, hit & (identity < dr.width(numbers))))
     angle = dr.two_pi * (turns - dr.floor(turns))
     n = dr.mulsign(si.sh_frame.n, -dr.dot(si.sh_frame.n, ray.d))
-    return [dr.select(hit, value, 0) for value in (dr.cos(angle), dr.sin(angle), n.x, n.y, n.z)]
+    corners = [dr.select(hit, value, 0) for value in (dr.cos(angle), dr.sin(angle), n.x, n.y, n.z)]
+    dr.eval(corners)
 
-
-def pixels_of(corners: list[mi.Float], pixel: mi.UInt32, width: mi.UInt32) -> Look:
-    """What the four ``corners`` of each pixel tell."""
     first = pixel + pixel // width
     around = first, first + 1, first + width + 1, first + width + 2
     means = [sum(dr.gather(mi.Float, values, corner) for corner in around) / 4 for values in corners]
