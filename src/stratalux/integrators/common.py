@@ -190,6 +190,15 @@ class OtherEmitters:
         return dr.select(active, weight * value * power_heuristic(bs.pdf, pdf), 0)
 
 
+def by_identity(pointers: Any, values: mi.UInt32, default: int) -> mi.UInt32:
+    """A table of the ``values`` of ``pointers`` by the number that Dr.Jit gives each, which is not the same twice."""
+    identity = dr.reinterpret_array(mi.UInt32, pointers)
+    table = dr.full(mi.UInt32, default, int(dr.max(identity)[0]) + 1)
+    dr.scatter(table, values, identity)
+    dr.eval(table)
+    return table
+
+
 def _has_delta(scene: mi.Scene) -> bool:
     """Whether some surface of the scene may have a delta lobe (instances do not tell what they are made of)."""
     shapes = scene.shapes()

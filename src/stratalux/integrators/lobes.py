@@ -10,7 +10,7 @@ import mitsuba as mi
 
 from ..environment import MapLight
 from ..leaf_sampler import LeafSampler
-from .common import target
+from .common import by_identity, target
 
 DIM = 0.15
 """Of the map's mean radiance: surfaces darker than that are not thought to be looked at for their noise."""
@@ -118,13 +118,9 @@ def _rows(scene: mi.Scene) -> tuple[mi.UInt32, mi.UInt32]:
     row = mi.UInt32(0)  # of the BSDFs that have no smooth lobes, too
     for limit in ROWS[:-1]:
         row += mi.UInt32(dr.select(value > limit.concentration, 1, 0))
-    identity = dr.reinterpret_array(
-        mi.UInt32, dr.gather(mi.ShapePtr, scene.shapes_dr(), dr.arange(mi.UInt32, count)).bsdf()
-    )
-    rows = dr.full(mi.UInt32, _UNKNOWN, int(dr.max(identity)[0]) + 1)
-    dr.scatter(rows, row, identity)
-    dr.eval(rows, row)
-    return rows, row
+    shapes = dr.gather(mi.ShapePtr, scene.shapes_dr(), dr.arange(mi.UInt32, count))
+    dr.eval(row)
+    return by_identity(shapes.bsdf(), row, _UNKNOWN), row
 
 
 def _spreads(scene: mi.Scene, light: MapLight[LeafSampler], rows: mi.UInt32) -> list[float]:

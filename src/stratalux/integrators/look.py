@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from .common import by_identity
+
 _GOLDEN = 0.6180339887
 SMOOTH = 0.99
 """Length of the mean of a pixel's normals from which on it shows a surface that is smooth for it: 8 degrees apart."""
@@ -28,12 +30,8 @@ class Look:
 
 
 def shape_numbers(scene: mi.Scene) -> mi.UInt32:
-    """The place of each shape in the scene's list, by the number that Dr.Jit gives it, which is not the same twice."""
-    identity = dr.reinterpret_array(mi.UInt32, scene.shapes_dr())
-    numbers = dr.zeros(mi.UInt32, int(dr.max(identity)[0]) + 1)
-    dr.scatter(numbers, dr.arange(mi.UInt32, dr.width(identity)), identity)
-    dr.eval(numbers)
-    return numbers
+    """The place of each shape in the scene's list, by its identity."""
+    return by_identity(scene.shapes_dr(), dr.arange(mi.UInt32, len(scene.shapes())), 0)
 
 
 def look(
