@@ -74,7 +74,7 @@ def test_leaves_are_in_the_order_of_the_tree() -> None:
 def test_energies_are_equal_within_each_region(n: int) -> None:
     environment = EnvironmentMap(hall_map())
     regions = median_cut(environment, n)
-    nodes = cut_regions(environment.energy_table, regions.bounds, 5).numpy().reshape(-1, 8)[: n << 5, :4]
+    nodes = cut_regions(environment.energy_table, regions.bounds, 5).numpy().reshape(-1, 4)[: n << 5]
     leaves = np.concatenate([nodes[:, :2], nodes[:, 2:] - nodes[:, :2]], axis=1)
     found = energies(environment, leaves).reshape(n, 32)
     np.testing.assert_allclose(found, np.broadcast_to(found.mean(axis=1, keepdims=True), found.shape), rtol=1e-6)

@@ -47,8 +47,10 @@ class EnergyTable:
             np.multiply(block, row[first:last, None], out=inner)
             np.cumsum(inner, axis=1, out=inner)
             sums[first + 1 : last + 1, width + 1] = inner[:, -1] + inner[:, 0]
-            for i in range(first + 1, last + 1):
-                sums[i, 1:-1] += sums[i - 1, 1:-1] if i > 1 else 0
+            before = sums[first, 1:-1] if first else np.zeros(width + 1)
+            for line in sums[first + 1 : last + 1, 1:-1]:
+                np.add(line, before, out=line)
+                before = line
         sums[:-1, -1] = sums[:-1, -2]
         sums[-1] = sums[-2]
         return cls(sums, row, above)

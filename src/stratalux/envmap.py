@@ -118,6 +118,8 @@ def clean(texels: NDArray[np.float32], name: str = "environment map") -> NDArray
     if _sound(texels):
         return texels
     nan, infinite, negative = np.isnan(texels), np.isposinf(texels), texels < 0
+    if not (nan | infinite | negative).any():  # but a zero with a sign
+        return texels
     ceiling = texels[np.isfinite(texels)].max(initial=0)
     texels = np.where(nan | negative, 0, np.where(infinite, ceiling, texels)).astype(texels.dtype)
     counts = [
@@ -134,7 +136,11 @@ def clean(texels: NDArray[np.float32], name: str = "environment map") -> NDArray
 
 
 def _sound(texels: NDArray[np.float32]) -> bool:
-    """Whether there is nothing to repair, in one pass over blocks that stay in the cache."""
-    blocks = (texels[first : first + _ROWS] for first in range(0, len(texels), _ROWS))
-    with np.errstate(invalid="ignore"):
-        return all(block.min(initial=0) >= 0 and block.max(initial=0) < np.inf for block in blocks)
+    """Whether there is nothing to repair, in one pass over blocks that stay in the cache.
+
+    Taken as integers, infinity and NaN are above all finite numbers, and negative ones above those.
+    """
+    bits = np.dtype(f"u{texels.dtype.itemsize}")
+    infinity = np.array(np.inf, texels.dtype).view(bits)
+    blocks = (texels[first : first + _ROWS].view(bits) for first in range(0, len(texels), _ROWS))
+    return all(block.max(initial=0) < infinity for block in blocks)

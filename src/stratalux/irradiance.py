@@ -9,7 +9,7 @@ Coordinates: (X, Y, Z) = (−z, x, y) of the map's frame, so that Z is the map's
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.polynomial.legendre import leg2poly, leggauss
@@ -19,6 +19,8 @@ from scipy.special import eval_legendre, factorial
 
 DEGREES = (0, 1, 2, 4, 6)
 """Of the other odd degrees, the clamped cosine has nothing."""
+_PAIRS = [(degree, m) for degree in DEGREES for m in range(degree + 1)]
+"""Degrees and orders of the harmonics, without those that differ from them in the sign of the order."""
 _ROWS, _COLUMNS = 64, 192
 """Of a product so small that OpenBLAS takes one thread: others would go on to spin, where cores are needed."""
 _MANY_ROWS = 256
@@ -50,17 +52,16 @@ def irradiance_coefficients(texels: NDArray[np.float32]) -> dict[int, _Float]:
     are sums over the texels, with weights for each row times weights for each column.
     """
     height, width, channels = texels.shape
-    pairs = [(degree, m) for degree in DEGREES for m in range(degree + 1)]
-    rows = _row_weights(height, *np.array(pairs).T).astype(np.float32)
-    by_column = np.zeros((len(pairs), width * channels))
+    rows = _row_weights(height)
+    by_column = np.zeros((len(_PAIRS), width * channels))
     whole = width * channels // _COLUMNS * _COLUMNS
     for first in range(0, height, _ROWS):
         weights = rows[:, first : first + _ROWS]
         block = texels[first : first + _ROWS].reshape(-1, width * channels)
         parts = block[:, :whole].reshape(len(block), -1, _COLUMNS).swapaxes(0, 1)
-        by_column[:, :whole] += (weights @ parts).swapaxes(0, 1).reshape(len(pairs), whole)
+        by_column[:, :whole] += (weights @ parts).swapaxes(0, 1).reshape(len(_PAIRS), whole)
         by_column[:, whole:] += weights @ block[:, whole:]
-    by_column = by_column.reshape(len(pairs), width, channels)
+    by_column = by_column.reshape(len(_PAIRS), width, channels)
     phi = 2 * np.pi * (np.arange(width) + 0.5) / width
     orders = np.arange(max(DEGREES) + 1)
     hat = 2 * np.pi / width * np.sinc(orders / width) ** 2  # ∫ of the hat function around a column, times a wave
@@ -68,15 +69,17 @@ def irradiance_coefficients(texels: NDArray[np.float32]) -> dict[int, _Float]:
     even, odd = cosines @ by_column, sines @ by_column  # (pairs, orders, C)
     A = dict(zip(DEGREES, zonal_coefficients(), strict=True))
     result = {}
-    for pair, (degree, m) in enumerate(pairs):
+    for pair, (degree, m) in enumerate(_PAIRS):
         result[degree * (degree + 1) + m] = A[degree] * even[pair, m]
         if m:
             result[degree * (degree + 1) - m] = A[degree] * odd[pair, m]
     return result
 
 
-def _row_weights(height: int, degree: NDArray[np.int64], m: NDArray[np.int64]) -> _Float:
+@lru_cache(maxsize=4)
+def _row_weights(height: int) -> NDArray[np.float32]:
     """∫ hat(θ) K P_lm(cos θ) sin θ dθ around each row of texels, (pairs, H); K makes the harmonic orthonormal."""
+    degree, m = np.array(_PAIRS).T
     nodes, weight = leggauss(4 if height < _MANY_ROWS else 2)
     t, step = (nodes + 1) / 2, np.pi / (height - 1)
     theta = step * (np.arange(height - 1)[:, None] + t)
@@ -89,7 +92,7 @@ def _row_weights(height: int, degree: NDArray[np.int64], m: NDArray[np.int64]) -
     weights = np.zeros((len(m), height))
     weights[:, :-1] += values @ (1 - t)
     weights[:, 1:] += values @ t
-    return weights
+    return weights.astype(np.float32)
 
 
 @cache

@@ -30,8 +30,8 @@ class LeafSampler:
         self.depth, self.count = depth, trees << depth
         self.energy = environment.energy_table.total
         """∫ luminance dω over the sphere."""
-        nodes = cut_regions(environment.energy_table, None if regions is None else regions.bounds, depth)
-        x0, y0, x1, y1 = dr.gather(mi.Vector4d, nodes, 2 * dr.arange(mi.UInt32, self.count))
+        bounds = cut_regions(environment.energy_table, None if regions is None else regions.bounds, depth)
+        x0, y0, x1, y1 = dr.gather(mi.Vector4d, bounds, dr.arange(mi.UInt32, self.count))
         across, down = dr.opaque(mi.Float64, environment.width), dr.opaque(mi.Float64, environment.height - 1)
         # u of texel j is (j + ½) / W.
         self._leaves = dr.ravel(mi.Vector4f((x0 + 0.5) / across, y0 / down, (x1 - x0) / across, (y1 - y0) / down))

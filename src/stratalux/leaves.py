@@ -25,8 +25,9 @@ much more light than the leaf's share."""
 _NODE = 8
 """Numbers that describe a rectangle: x0, y0, x1, y1; the energy before (x0, y0), (x1, y0), (x0, y1) and (x1, y1)."""
 _PROFILE = 8
-_FIRST = 11
-"""Levels of one tree that a lane walks through by itself, from the root, before it makes use of others' cuts."""
+_WALK = 4
+"""Levels that a lane walks through by itself while rectangles are few: a launch takes longer than the cuts."""
+_FEW = 1 << 11
 
 
 def equal_energy_leaves(environment: EnvironmentMap, depth: int) -> NDArray[np.float64]:
@@ -37,7 +38,7 @@ def equal_energy_leaves(environment: EnvironmentMap, depth: int) -> NDArray[np.f
     position where the integral of the bilinear luminance (plus :data:`FLOOR`) is halved. Leaves are in the order of the
     tree. A black map is cut into equal solid angles. Raises :class:`InputError` for a depth that is not in 0 … 24.
     """
-    leaves: NDArray[np.float64] = cut_regions(environment.energy_table, None, depth).numpy().reshape(-1, _NODE)[:, :4]
+    leaves: NDArray[np.float64] = cut_regions(environment.energy_table, None, depth).numpy().reshape(-1, 4)
     leaves[:, 2:] -= leaves[:, :2]
     return leaves
 
@@ -46,8 +47,7 @@ def cut_regions(table: EnergyTable, bounds: NDArray[np.int64] | None, depth: int
     """The same for each of N rectangles of whole cells, or for the map if ``bounds`` is None.
 
     ``bounds`` (N, 4): y0, y1, x0, x1, as in :class:`stratalux.regions.Regions`. Returned are, for each of the N 2^depth
-    leaves, region after region, :data:`_NODE` numbers, of which the first four are x0, y0, x1 and y1. What follows
-    after the last leaf means nothing.
+    leaves, region after region, x0, y0, x1 and y1. What follows after the last leaf means nothing.
     """
     if not 0 <= depth <= 24:
         raise InputError(f"depth of the leaves: {depth} is out of range; give 0 to 24")
@@ -55,22 +55,22 @@ def cut_regions(table: EnergyTable, bounds: NDArray[np.int64] | None, depth: int
         bounds = np.array([[0, table.height - 1, 0, table.width]])
     roots = _roots(table, bounds)
     if depth == 0:
-        return mi.Float64(roots.ravel())
+        return mi.Float64(roots[:, :4].ravel())
     count = len(roots)
     nodes = mi.Float64(roots.ravel())
     sums, profile = mi.Float64(table.sums.ravel()), mi.Float64(_profile(table).ravel())
     floor, height, width = mi.Float64(_floor(table)), mi.UInt32(table.height), mi.UInt32(table.width)
     dr.make_opaque(nodes, floor, height, width)
-    levels = max(1, min(_FIRST - (count - 1).bit_length(), depth))
     while depth:
+        levels = min(_WALK if count << _WALK <= _FEW else 1, depth)
         count <<= levels
         depth -= levels
         lane = dr.arange(mi.UInt32, 1 << (count // 2 - 1).bit_length())  # few sizes, as each is recorded anew
-        halves = dr.empty(mi.Float64, 2 * _NODE * len(lane))
+        halves = dr.empty(mi.Float64, 2 * (_NODE if depth else 4) * len(lane))
         used, steps = mi.UInt32(count // 2), mi.UInt32(levels)
         dr.make_opaque(lane, used, steps)
-        _cut(sums, profile, floor, height, width, nodes, halves, lane, used, steps)
-        nodes, levels = halves, 1
+        _cut(sums, profile, floor, height, width, nodes, halves, lane, used, steps, depth == 0)
+        nodes = halves
     return nodes
 
 
@@ -165,8 +165,12 @@ def _cut(
     lane: mi.UInt32,
     used: mi.UInt32,
     levels: mi.UInt32,
+    last: bool,
 ) -> None:
-    """The last of ``levels`` generations of cuts below ``nodes``: there, both halves of rectangle number ``lane``."""
+    """The last of ``levels`` generations of cuts below ``nodes``: there, both halves of rectangle number ``lane``.
+
+    Of the ``last`` generation of all, just the bounds.
+    """
     active = lane < used
     parent = lane >> (levels - 1)
     x0, y0, x1, y1 = dr.gather(mi.Vector4d, nodes, 2 * parent, active)
@@ -186,7 +190,7 @@ def _cut(
         goal = 0.5 * (dr.select(vertical, e01 - e00, e10 - e00) + dr.select(vertical, e11 - e10, e11 - e01))
 
         # -------- The texel up to which it takes less than half of the energy --------
-        low, high = dr.minimum(mi.UInt32(start), axes.last), dr.minimum(mi.UInt32(stop), axes.last) + 2
+        low, high = dr.minimum(mi.UInt32(start), axes.last), dr.minimum(mi.UInt32(stop), axes.last) + 1
         while high - low > 1:
             k = (low + high) >> 1
             short = axes.energy(lower, k) - axes.energy(upper, k) <= goal
@@ -230,6 +234,7 @@ def _cut(
         (dr.select(vertical, cut, x0), dr.select(flat, cut, y0), x1, y1),
         (near, dr.select(flat, far, e10), dr.select(vertical, far, e01), e11),
     )
-    for i, values in enumerate(quadruples):
+    written = quadruples[::2] if last else quadruples
+    for i, values in enumerate(written):
         # With any other mode, each of them would be a kernel of its own.
-        dr.scatter(halves, mi.Vector4d(*values), 4 * lane + i, active, mode=dr.ReduceMode.NoConflicts)
+        dr.scatter(halves, mi.Vector4d(*values), len(written) * lane + i, active, mode=dr.ReduceMode.NoConflicts)

@@ -89,21 +89,20 @@ def _best_cut(
     flat, row = table.ravel(), table.shape[1]
     step = np.where(vertical, 1, row)
     far, near = np.where(vertical, y1 * row, x1), np.where(vertical, y0 * row, x0)
-    outside = flat[far + low * step] - flat[near + low * step]
+    outside = flat.take(far + low * step) - flat.take(near + low * step)
 
     def before(at: NDArray[np.int64]) -> NDArray[np.float64]:
         moved = at * step
-        return flat[far + moved] - flat[near + moved] - outside
+        return flat.take(far + moved) - flat.take(near + moved)
 
-    below, reached = low.copy(), high.copy()
-    while np.any(reached - below > 1):
-        middle = (below + reached) // 2
-        enough = before(middle) >= total / 2
-        reached = np.where(enough, middle, reached)
-        below = np.where(enough, below, middle)
+    below, reached, half = low, high, total / 2 + outside
+    for _ in range(int((high - low).max() - 1).bit_length()):
+        middle = (below + reached) >> 1
+        enough = before(middle) >= half
+        reached, below = np.where(enough, middle, reached), np.where(enough, below, middle)
 
     candidates = np.stack([reached, reached - 1])
-    energy = np.stack([before(at) for at in candidates])
+    energy = before(candidates) - outside
     valid = (candidates > low) & (candidates < high) & (energy > noise) & (total - energy > noise)
     imbalance = np.where(valid, np.abs(2 * energy - total), np.inf)
     best = imbalance.argmin(axis=0)
