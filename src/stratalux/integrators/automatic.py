@@ -144,7 +144,10 @@ class Automatic(AutomaticSample):
         dr.make_opaque(seed)  # or every value would be compiled into a kernel of its own
 
         few = _pilot(spp)
-        pilot = _Pilot(view, few, min(PARTS, few))
+        # As neighbours' errors choose the number of a pixel's samples, they may share those of the map only where all
+        # do, the pilot's and the later ones: with any such set fixed, pixels are independent.
+        shared = launcher.light_samples(mix(~seed)) if view.pixels * spp <= LAUNCH else None
+        pilot = _Pilot(view, few, min(PARTS, few), shared)
         dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
         for rendered in pilot.passes(seed, dim):
             if rendered < few:
@@ -157,11 +160,12 @@ class Automatic(AutomaticSample):
 
         counts = plan.counts.ravel() - few
         expected = dr.maximum(plan.level, dim)
-        rounds = -(-int(counts.sum()) // LAUNCH)
+        rounds = 1 if shared is not None else -(-int(counts.sum()) // LAUNCH)
         block = view.film.create_block()
         for k in range(rounds):
             start, end = k * counts // rounds, (k + 1) * counts // rounds
-            lanes = view.samples(few + start, end - start, seed, expected, mix(mix(seed) + mi.UInt32(k + 1)))
+            samples = shared if shared is not None else launcher.light_samples(mix(mix(seed) + mi.UInt32(k + 1)))
+            lanes = view.samples(few + start, end - start, seed, expected, samples)
             L = lanes.L + dr.gather(mi.Float, plan.share, lanes.pixel) * lanes.difference
             weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, _unsigned(counts), lanes.pixel)))
             view.put(block, lanes, L, lanes.valid, weight)
@@ -202,7 +206,7 @@ class _View:
         number: NDArray[np.int64],
         seed: mi.UInt32,
         expected: mi.Float,
-        shared: mi.UInt32 | None,
+        shared: mi.Float | None,
     ) -> _Lanes:
         """``number`` samples of each pixel, from the ``first`` on; ``expected`` is one for each, or one for all."""
         pixel = mi.UInt32(np.repeat(np.arange(self.pixels, dtype=np.uint32), number))
@@ -228,8 +232,8 @@ class _View:
 class _Pilot:
     """A few samples of every pixel, and what follows from them."""
 
-    def __init__(self, view: _View, count: int, parts: int) -> None:
-        self.view, self.count, self.parts = view, count, parts
+    def __init__(self, view: _View, count: int, parts: int, shared: mi.Float | None) -> None:
+        self.view, self.count, self.parts, self._shared = view, count, parts, shared
         self._images = view.film.create_block(), view.film.create_block()
         self._sums = [dr.zeros(mi.Float, 3 * parts * view.pixels) for _ in range(2)]
 
@@ -242,7 +246,7 @@ class _Pilot:
             start, end = k * view.height // rounds * view.width, (k + 1) * view.height // rounds * view.width
             number = none.copy()
             number[start:end] = count
-            lanes = view.samples(none, number, seed, expected, None)
+            lanes = view.samples(none, number, seed, expected, self._shared)
             group = lanes.index * dr.opaque(mi.UInt32, self.parts) // dr.opaque(mi.UInt32, count)
             for sums, value in zip(self._sums, (lanes.L, lanes.difference), strict=True):
                 for c in range(3):

@@ -180,8 +180,8 @@ class Proposals:
         bsdf: mi.BSDFPtr,
     ) -> None:
         self._light, self._mis, self._si, self._bsdf = light, mis, si, bsdf
-        make = FreshLight if mi.is_spectral else SharedLight
-        self._samples = make(light, launch_seed(sampler))
+        seed = launch_seed(sampler)
+        self._samples = FreshLight(light, seed) if mi.is_spectral else SharedLight(SharedLight.drawn(light, seed))
         self._leaves = dr.opaque(mi.UInt32, 1 << light.tables.depth)
 
     def draw(self, i: mi.UInt32, u: mi.Float, active: mi.Bool) -> tuple[mi.Vector3f, mi.Spectrum]:

@@ -31,7 +31,7 @@ class Launch:
     """Which samples to take: number ``index`` of each ``pixel``.
 
     ``seed``: of the points of all pixels, opaque. ``expected``: luminance at each lane, or one for all. ``shared``:
-    seed of the samples of the map that all lanes share; None where each is to have its own. ``detailed``: for every
+    the samples of the map that all lanes share, from :meth:`Launcher.light_samples`; None where each is to have its own. ``detailed``: for every
     pixel of the film, as in a :class:`~.look.Look`; None where that makes no difference.
     """
 
@@ -39,7 +39,7 @@ class Launch:
     index: mi.UInt32
     seed: mi.UInt32
     expected: mi.Float
-    shared: mi.UInt32 | None
+    shared: mi.Float | None
     detailed: mi.UInt32 | None
 
 
@@ -57,7 +57,8 @@ class Launcher:
         self._numbers: mi.UInt32 | None = None
         self._fixed: tuple[Hashable, ...] = ()
         self._recorded = {
-            function: recorded(function, state_fn=self._state, limit=_RECORDINGS) for function in (self._samples, look)
+            function: recorded(function, state_fn=self._state, limit=_RECORDINGS)
+            for function in (self._samples, self._light_samples, look)
         }
 
     def begin(self, light: MapLight[NestedTables]) -> None:
@@ -70,6 +71,11 @@ class Launcher:
     def samples(self, launch: Launch) -> _Samples:
         """Radiance, difference of the variate, alpha, and place in pixels of each sample."""
         return self._replayed(self._samples, launch)
+
+    def light_samples(self, seed: mi.UInt32) -> mi.Float:
+        """Samples of the map for launches that share them: one in each leaf."""
+        records: mi.Float = self._recorded[self._light_samples](seed)
+        return records
 
     def look(self) -> Look:
         """At every pixel of a scene with shapes."""
@@ -97,7 +103,7 @@ class Launcher:
         self, scene: mi.Scene, sensor: mi.Sensor, width: mi.UInt32, extent: mi.Vector2f, launch: Launch
     ) -> _Samples:
         assert self._light is not None and self._others is not None
-        samples = None if launch.shared is None else SharedLight(self._light, launch.shared)
+        samples = None if launch.shared is None else SharedLight(launch.shared)
         points = PixelPoints(launch.index, mix(launch.pixel ^ mix(launch.seed)), samples, launch.expected)
         if launch.detailed is not None:
             points.detailed = dr.gather(mi.UInt32, launch.detailed, launch.pixel)
@@ -111,6 +117,10 @@ class Launcher:
         ray, importance = sensor.sample_ray_differential(time, mi.Float(0), mi.Point2f(place / extent), aperture)
         L, valid = self.integrator.radiance(scene, self._light, self._others, points, ray, True)
         return L * importance, points.difference * importance, valid, mi.Point2f(place)
+
+    def _light_samples(self, seed: mi.UInt32) -> mi.Float:
+        assert self._light is not None
+        return SharedLight.drawn(self._light, seed)
 
     def _state(self, *_: Any) -> Any:
         """What a launch depends on besides its arguments."""

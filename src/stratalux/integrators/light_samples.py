@@ -37,19 +37,26 @@ class FreshLight:
 class SharedLight:
     """One sample in every leaf, drawn once for all pixels that are rendered together: a look-up instead of arithmetic.
 
-    A pixel uses few of them, so it hardly matters that others use the same. For RGB and mono variants.
+    A pixel uses few of them, so it hardly matters that others use the same. For RGB and mono variants. ``records``: of
+    the samples, as :meth:`drawn` makes them.
     """
 
     BYTES = 32
     """Of each sample."""
 
-    def __init__(self, light: MapLight[LeafSampler], seed: mi.UInt32) -> None:
+    def __init__(self, records: mi.Float) -> None:
+        self._records = records
+
+    @staticmethod
+    def drawn(light: MapLight[LeafSampler], seed: mi.UInt32) -> mi.Float:
+        """The records of a sample in each leaf."""
         leaf = dr.arange(mi.UInt32, light.tables.count)
         si = dr.zeros(mi.SurfaceInteraction3f)
         d, luminance, L_p = FreshLight(light, mix(seed)).draw(leaf, leaf, si, mi.Bool(True))
         channels = [*L_p, *[0] * (4 - dr.size_v(mi.Spectrum))]
-        self._records = dr.ravel(mi.ArrayXf([*d, luminance, *channels]))
-        dr.eval(self._records)
+        records = dr.ravel(mi.ArrayXf([*d, luminance, *channels]))
+        dr.eval(records)
+        return records
 
     def draw(
         self, leaf: mi.UInt32, random: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool
