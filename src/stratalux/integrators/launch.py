@@ -30,9 +30,9 @@ _Samples = tuple[mi.Spectrum, mi.Spectrum, mi.Bool, mi.Point2f]
 class Launch:
     """Which samples to take: number ``index`` of each ``pixel``.
 
-    ``seed``: of the points of all pixels, opaque. ``expected``: luminance at each lane, or one for all. ``shared``:
-    the samples of the map that all lanes share, from :meth:`Launcher.light_samples`; None where each is to have its own. ``detailed``: for every
-    pixel of the film, as in a :class:`~.look.Look`; None where that makes no difference.
+    ``seed``: of the points of all pixels, opaque. ``expected``: luminance at each lane, or one for all. ``shared``: the
+    samples of the map that all lanes share, from :meth:`Launcher.light_samples`; None where each is to have its own.
+    ``detailed``: for every pixel of the film, as in a :class:`~.look.Look`; None where that makes no difference.
     """
 
     pixel: mi.UInt32
