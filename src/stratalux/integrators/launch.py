@@ -56,7 +56,7 @@ class Launcher:
         self._others: OtherEmitters | None = None
         self._numbers: mi.UInt32 | None = None
         self._fixed: tuple[Hashable, ...] = ()
-        self._recorded = {
+        self._recorded: dict[Callable[..., Any], Callable[..., Any]] = {
             function: recorded(function, state_fn=self._state, limit=_RECORDINGS)
             for function in (self._samples, self._light_samples, look)
         }
