@@ -25,6 +25,7 @@ _SHARED = (
     "stratalux.integrators.common",
     "stratalux.integrators.light_samples",
     "stratalux.integrators.variate",
+    "stratalux.integrators.visibility",
     "stratalux.integrators.lobes",
     "stratalux.integrators.nested_strata",
     "stratalux.integrators.launch",

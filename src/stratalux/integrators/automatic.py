@@ -23,6 +23,7 @@ from .lobes import DIM, Allocation
 from .look import Look
 from .nested_strata import NestedStrata, PixelPoints
 from .variate import MatteVariate
+from .visibility import Visibility
 
 _Pixels = NDArray[np.float32]
 
@@ -147,6 +148,8 @@ class Automatic(AutomaticSample):
         # As neighbours' errors choose the number of a pixel's samples, they may share those of the map only where all
         # do, the pilot's and the later ones: with any such set fixed, pixels are independent.
         shared = launcher.light_samples(mix(~seed)) if view.pixels * spp <= LAUNCH else None
+        if few < spp:
+            view.counts = Visibility.nothing(view.width, view.height)
         pilot = _Pilot(view, few, min(PARTS, few), shared)
         dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
         for rendered in pilot.passes(seed, dim):
@@ -158,6 +161,7 @@ class Automatic(AutomaticSample):
         if few == spp:
             return
 
+        view.learn()
         counts = plan.counts.ravel() - few
         expected = dr.maximum(plan.level, dim)
         rounds = 1 if shared is not None else -(-int(counts.sum()) // LAUNCH)
@@ -192,13 +196,16 @@ class _Lanes:
 
 
 class _View:
-    """The film of a sensor, and launches of samples for it."""
+    """The film of a sensor, and launches of samples for it, which add to ``counts`` or make use of what is ``learned``
+    (see :class:`~.visibility.Visibility`)."""
 
     def __init__(self, launcher: Launcher, look: Look | None) -> None:
         self.launcher, self.look = launcher, look
         self.film = launcher.sensor.film()
         self.width, self.height = (int(side) for side in self.film.crop_size())
         self.pixels = self.width * self.height
+        self.counts: tuple[mi.UInt32, mi.UInt32] | None = None
+        self.learned: mi.Float | None = None
 
     def samples(
         self,
@@ -215,8 +222,15 @@ class _View:
         if dr.width(expected) > 1:
             expected = dr.gather(mi.Float, expected, pixel)
         dr.eval(index, expected)
-        launch = Launch(pixel, index, seed, expected, shared, self.look.detailed if self.look else None)
+        detailed = self.look.detailed if self.look else None
+        launch = Launch(pixel, index, seed, expected, shared, detailed, self.counts, self.learned)
         return _Lanes(pixel, index, *self.launcher.samples(launch))
+
+    def learn(self) -> None:
+        """Make use of what was counted, from now on."""
+        assert self.counts is not None
+        self.learned = Visibility.learn(self.counts)
+        self.counts = None
 
     def put(self, block: mi.ImageBlock, lanes: _Lanes, value: mi.Spectrum, alpha: mi.Bool, weight: mi.Float) -> None:
         """Add a ``value`` and an ``alpha`` to ``block`` at the place of each sample."""

@@ -16,12 +16,13 @@ from .common import OtherEmitters
 from .light_samples import SharedLight
 from .look import Look, look, shape_numbers
 from .nested_strata import PixelPoints
+from .visibility import Visibility
 
 if TYPE_CHECKING:
     from .automatic import AutomaticSample, NestedTables
 
 _RECORDINGS = 8
-"""Kept for one camera: with and without shared samples, and some changes of what is compiled into kernels."""
+"""Kept for one camera: a pilot's, later ones', and some changes of what is compiled into kernels."""
 
 _Samples = tuple[mi.Spectrum, mi.Spectrum, mi.Bool, mi.Point2f]
 
@@ -33,6 +34,7 @@ class Launch:
     ``seed``: of the points of all pixels, opaque. ``expected``: luminance at each lane, or one for all. ``shared``: the
     samples of the map that all lanes share, from :meth:`Launcher.light_samples`; None where each is to have its own.
     ``detailed``: for every pixel of the film, as in a :class:`~.look.Look`; None where that makes no difference.
+    ``counts`` and ``learned``: those of a :class:`~.visibility.Visibility`.
     """
 
     pixel: mi.UInt32
@@ -41,6 +43,8 @@ class Launch:
     expected: mi.Float
     shared: mi.Float | None
     detailed: mi.UInt32 | None
+    counts: tuple[mi.UInt32, mi.UInt32] | None
+    learned: mi.Float | None
 
 
 class Launcher:
@@ -108,7 +112,9 @@ class Launcher:
         if launch.detailed is not None:
             points.detailed = dr.gather(mi.UInt32, launch.detailed, launch.pixel)
         row = launch.pixel // width
-        place = mi.Vector2f(mi.Float(launch.pixel - row * width), mi.Float(row))
+        column = launch.pixel - row * width
+        points.visibility = Visibility(Visibility.tile(column, row, width), launch.counts, launch.learned)
+        place = mi.Vector2f(mi.Float(column), mi.Float(row))
         place += sobol_2d(points.index, mix(points.seed ^ 0x51633E2D))
         aperture = points.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
         time = mi.Float(sensor.shutter_open())

@@ -14,11 +14,12 @@ from .common import target
 from .light_samples import FreshLight, SharedLight, launch_seed
 from .lobes import Allocation
 from .variate import MatteVariate
+from .visibility import Visibility
 
 _LEAVES, _LOBES = 0x3C6EF372, 0x0A54FF53
 """Distinguish the points of the map from those of the BSDF."""
-WORTH_A_RAY = 0.25
-"""Of the mean contribution: what brings less gets a ray at random."""
+WORTH_A_RAY = 0.5
+"""Of the mean contribution: what brings less gets a ray at random, and less yet where its visibility is known."""
 
 
 class PixelPoints:
@@ -41,6 +42,7 @@ class PixelPoints:
         """After an estimate: the variate's integral less its estimate, 0 on average."""
         self.detailed = mi.UInt32(0)
         """As in a :class:`~.look.Look`."""
+        self.visibility = Visibility(mi.UInt32(0), None)
         self._dimension = 0
 
     @classmethod
@@ -113,7 +115,9 @@ class NestedStrata:
     part of the BSDF that is matte, with albedo ρ: the points get ρ/π (∫ h dω − its estimate) as their ``difference``.
 
     Where the points tell the luminance that is expected in all, a sample that would bring less than
-    :data:`WORTH_A_RAY` times its share gets a ray with a probability in proportion, and the reciprocal weight.
+    :data:`WORTH_A_RAY` times its share gets a ray with a probability in proportion. So do others where a
+    :class:`~.visibility.Visibility` V̂ leaves little doubt. With the probability α, what counts is g (V̂ + (V − V̂) / α)
+    with the ray, and g V̂ without it: on average g V, whatever V̂ and α are.
     """
 
     def __init__(
@@ -214,11 +218,15 @@ class NestedStrata:
         active: mi.Bool,
     ) -> mi.Spectrum:
         """What ``kept``, one of ``count``, brings to ``si`` by a ray; where that is little, it gets one at random."""
-        g = kept.g
+        g, points = kept.g, self.points
         lit = active & dr.any(g != 0)
-        if self.points.expected is not None:
-            chance = dr.minimum(dr.abs(target(g)) * mi.Float(count) / (WORTH_A_RAY * self.points.expected), 1)
-            lit &= unit_float(random) < chance
-            g /= chance
-        lit &= ~scene.ray_test(si.spawn_ray(kept.d), lit)
-        return dr.select(lit, g, 0)
+        V_hat, doubt = points.visibility.expected(kept.d, lit)
+        chance = mi.Float(1)
+        if points.expected is not None:
+            share = dr.abs(target(g)) * mi.Float(count) / points.expected
+            chance = dr.minimum(doubt * share / WORTH_A_RAY, 1)
+        traced = lit & (unit_float(random) < chance)
+        hit = scene.ray_test(si.spawn_ray(kept.d), traced)
+        points.visibility.note(kept.d, hit, traced)
+        found = dr.select(traced, (dr.select(hit, 0, 1) - V_hat) / chance, 0)
+        return dr.select(lit, g * (V_hat + found), 0)
