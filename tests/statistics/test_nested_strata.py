@@ -212,6 +212,18 @@ def test_same_mean_with_many_proposals(material: str, monkeypatch: pytest.Monkey
     assert_same_mean(runs(scene(material, "multijitter"), OURS, spp, RUNS, seed=0), reference(material))
 
 
+@pytest.mark.parametrize("wrong", [0.03, pytest.param(0.9, marks=SLOW)])
+def test_same_mean_whatever_is_thought_of_visibility(wrong: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    def learned(counts: tuple[mi.UInt32, mi.UInt32]) -> mi.Float:
+        place = dr.arange(mi.UInt32, dr.width(counts[0]))
+        values = dr.select(place % 3 == 0, mi.Float(1 - wrong), wrong)
+        dr.eval(values)
+        return values
+
+    monkeypatch.setattr("stratalux.integrators.visibility.Visibility.learn", learned)
+    assert_same_mean(runs(scene("roughplastic", "multijitter"), OURS, 64, RUNS, seed=0), reference("roughplastic"))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("material", ["diffuse", "plastic", "metal", "polished"])
 @pytest.mark.parametrize("name", ["grace_latlong.exr", *(f"{n}.hdr" for n in MAPS)])

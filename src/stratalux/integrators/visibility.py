@@ -64,7 +64,7 @@ class Visibility:
 
 def _part(d: mi.Vector3f) -> mi.UInt32:
     """Number of the square of an octahedral map that ``d`` points to."""
-    d /= dr.abs(d.x) + dr.abs(d.y) + dr.abs(d.z)
+    d = d / (dr.abs(d.x) + dr.abs(d.y) + dr.abs(d.z))  # another array: the caller keeps its own
     upper = d.y >= 0
     x = dr.select(upper, d.x, dr.mulsign(1 - dr.abs(d.z), d.x))
     z = dr.select(upper, d.z, dr.mulsign(1 - dr.abs(d.x), d.z))
