@@ -92,9 +92,10 @@ def test_a_black_map_renders_black() -> None:
     assert (image == 0).all()
 
 
-def test_a_transform_that_scales_is_refused() -> None:
+@pytest.mark.parametrize("diagonal", [(1, 2, 1), (1, float("nan"), 1)])
+def test_a_transform_that_is_no_rotation_is_refused(diagonal: tuple[float, float, float]) -> None:
     description = scene_dict("diffuse")
-    description["sky"]["to_world"] = mi.ScalarTransform4f().scale([1, 2, 1])
+    description["sky"]["to_world"] = mi.ScalarTransform4f(np.diag([*diagonal, 1]))
     with pytest.raises(InputError, match="to_world scales or shears"):
         stratalux.render(mi.load_dict(description), strata=4)
 

@@ -44,12 +44,11 @@ class Suite:
 
     ``cases``, and ``open_cases`` whose whole image counts, map and silhouettes included. ``size``: (width, height) of
     the film in pixels; ``preview_size``: that of ``matpreview``, which is 4:3. ``reference_spp``: samples of a
-    reference, raised once by ``reference_factor`` where its noise is not well below the errors. ``ladder``: at least
-    three budgets, in samples per pixel of two rays each, of which the two lowest serve to screen. ``most``: the ladder
-    is continued up to there where it does not reach our error. ``screened``: configurations that get the second
-    screening; ``finalists``: those that get curves. ``repeats``: seeds of every point. ``seconds``: of a case on two
-    cores, for the progress alone. ``floor_spp``: samples of the bare-ray floor; ``preparation``: (width, height) and
-    regions of the maps whose preparation is timed, and the repeats.
+    reference. ``ladder``: at least three budgets, in samples per pixel of two rays each, of which the two lowest serve
+    to screen. ``most``: the ladder is continued up to there where it does not reach our error. ``screened``:
+    configurations that get the second screening; ``finalists``: those that get curves. ``repeats``: seeds of every
+    point. ``seconds``: of a case on two cores, for the progress alone. ``floor_spp``: samples of the bare-ray floor;
+    ``preparation``: (width, height) and regions of the maps whose preparation is timed, and the repeats.
     """
 
     name: str
@@ -58,7 +57,6 @@ class Suite:
     size: tuple[int, int]
     preview_size: tuple[int, int]
     reference_spp: int
-    reference_factor: int
     ladder: tuple[int, ...]
     most: int
     screened: int
@@ -85,7 +83,6 @@ QUICK = Suite(
     size=(120, 80),
     preview_size=(112, 84),
     reference_spp=4096,
-    reference_factor=1,
     ladder=(16, 64, 256),
     most=1024,
     screened=4,
@@ -112,7 +109,6 @@ FULL = Suite(
     size=(120, 80),
     preview_size=(112, 84),
     reference_spp=2048,
-    reference_factor=1,
     ladder=(16, 64, 256),
     most=1024,
     screened=4,

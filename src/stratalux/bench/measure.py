@@ -164,12 +164,6 @@ def measure_case(
         asked = [(OURS, spp), *((finalist, finalist.spp(budget)) for finalist in finalists)]
         jobs += [(configuration, arena.possible(configuration, count)) for configuration, count in asked]
     arena.rounds(jobs, suite.repeats, lambda done: fraction(0.6 + 0.3 * done))
-    floor = truth.floors[truth.region]
-    limited = any(point.limited(truth.region, floor) for point in truth.record(arena, OURS).points)
-    raised = limited and suite.reference_factor > 1
-    if raised:
-        spp = suite.reference_spp * suite.reference_factor
-        truth = Truth(case, setting, reference_of(setting, spp, cache, lambda done: fraction(0.9)))
     left = 0.1
     while jobs := _continuation(truth, arena, finalists, suite):
         left /= 2  # how many more there will be is not known
@@ -184,10 +178,7 @@ def measure_case(
         surface_fraction=float(setting.surface.mean()),
         means={region: reference.mean(mask) for region, mask in truth.masks.items()},
         floors=truth.floors,
-        reference={
-            **about_reference(reference),
-            "raised": raised,
-        },
+        reference=about_reference(reference),
         trials=tuple(trials),
         ours=truth.record(arena, OURS),
         theirs=tuple(truth.record(arena, finalist) for finalist in finalists),
@@ -263,7 +254,7 @@ def about_reference(reference: Reference) -> dict[str, Any]:
 
 def settings_of(case: Case, suite: Suite) -> dict[str, Any]:
     """What the result of a case depends on, besides the code and the machine."""
-    names = ("reference_spp", "reference_factor", "ladder", "most", "screened", "finalists", "repeats")
+    names = ("reference_spp", "ladder", "most", "screened", "finalists", "repeats")
     return {
         "case": case.name,
         "size": suite.preview_size if case.scene == "matpreview" else suite.size,

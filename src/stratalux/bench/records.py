@@ -54,7 +54,7 @@ class CaseResult:
 
     ``size``: of the film in pixels. ``scale``: of the map. ``means``: of the reference, and ``floors``: the relMSE that
     a perfect image would have against it, by region (``surface`` only if some pixel is all surface).
-    ``reference``: ``spp``, ``passes``, ``seconds``, ``key`` and ``raised``. ``trials``: the screening. ``ours`` and
+    ``reference``: ``spp``, ``passes``, ``seconds`` and ``key``. ``trials``: the screening. ``ours`` and
     ``theirs``: curves. ``preparation_seconds`` and ``compile_seconds`` of ours (Dr.Jit's cache on disk counts).
     """
 

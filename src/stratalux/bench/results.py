@@ -12,7 +12,7 @@
 - ``cases``: a list with
   ``name``; ``case`` (``map``, ``material``, ``scene``, ``ground``); ``size`` of the film in pixels; ``scale`` of the
   map; ``surface_fraction``; ``means`` of the reference and ``floors`` (relMSE of a perfect image against it) by region;
-  ``reference`` (``estimator``, ``spp``, ``passes``, ``seconds``, ``key``, ``raised``);
+  ``reference`` (``estimator``, ``spp``, ``passes``, ``seconds``, ``key``);
   ``screening``: the search for Mitsuba's best (``configuration``, ``budget`` asked for, ``spp``, ``seconds``,
   ``error`` less the floor);
   ``ours`` and the list ``theirs``: ``configuration`` and ``points`` (``spp``; ``seconds``, a spread; ``relmse``, a

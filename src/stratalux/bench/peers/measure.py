@@ -83,7 +83,7 @@ def measure_peers(
     """
     setting = load_setting(case, suite, assets)
     arena = Arena(setting)
-    spp = suite.reference_spp * suite.reference_factor
+    spp = suite.reference_spp
     truth = Truth(case, setting, reference_of(setting, spp, cache, lambda done: fraction(0.2 * done)))
     contenders = [Contender(name) for name in PEERS]
     with tempfile.TemporaryDirectory(prefix="stratalux-peers-") as name, ExitStack() as stack:
@@ -117,7 +117,7 @@ def measure_peers(
 def peer_settings(case: Case, suite: Suite) -> dict[str, Any]:
     """What the result depends on, besides the code, the machine and the versions."""
     budgets = {"ours": OUR_SPP, "theirs": PEER_SPP, "screen": SCREEN_SPP, "repeats": REPEATS}
-    return {"case": case.name, "size": suite.size, "reference": suite.reference_spp * suite.reference_factor, **budgets}
+    return {"case": case.name, "size": suite.size, "reference": suite.reference_spp, **budgets}
 
 
 def _screen(contender: Contender, truth: Truth, spp: int) -> None:
