@@ -389,7 +389,7 @@ def test_a_terminal_sees_progress(folder: Path, arguments: tuple[str, ...], word
     assert words in seen.decode() and "left" in seen.decode()
 
 
-@pytest.mark.parametrize("strata", [(), ("--strata", "64")])
+@pytest.mark.parametrize("strata", [(), pytest.param(("--strata", "64"), marks=pytest.mark.slow)])
 def test_interruption_keeps_what_is_done(folder: Path, strata: tuple[str, ...]) -> None:
     command = [
         sys.executable,

@@ -182,9 +182,9 @@ def test_bad_requests(cache: Path, entries: tuple[str, ...], options: dict[str, 
 def test_progress_goes_from_0_to_1(cache: Path, tmp_path: Path) -> None:
     for made_before in (False, True):
         told: list[tuple[float, str]] = []
-        small(("stratified",), tmp_path, progress=lambda done, what, told=told: told.append((done, what)))
+        small(("path",), tmp_path, progress=lambda done, what, told=told: told.append((done, what)))
         done = [fraction for fraction, _ in told]
-        assert done == sorted(done) and done[-1] == pytest.approx(1) and "stratified" in {what for _, what in told}
+        assert done == sorted(done) and done[-1] == pytest.approx(1) and "path" in {what for _, what in told}
         assert ("reference" in {what for _, what in told}) is not made_before
 
 

@@ -60,7 +60,7 @@ def test_with_an_area_light(material: str) -> None:
     assert_same_mean(runs(lit, OURS, 128, RUNS, 0), runs(lit, {"type": "direct"}, 2048, RUNS, 10_000))
 
 
-@pytest.mark.parametrize("variant", ["llvm_ad_mono", "llvm_ad_spectral"])
+@pytest.mark.parametrize("variant", ["llvm_ad_mono", pytest.param("llvm_ad_spectral", marks=SLOW)])
 def test_other_variants(variant: str) -> None:
     mi.set_variant(variant)
     lit = scene("roughconductor")
