@@ -110,7 +110,7 @@ def test_equal_time_gives_at_least_one_sample(cache: Path, monkeypatch: pytest.M
         return replace(render(scene, integrator=integrator, spp=spp, **options), seconds=cost * spp)
 
     monkeypatch.setattr(contest, "render", timed)
-    result = small(("stratified", "direct", "stratified:proposals=7"), cache)
+    result = small((ENTRIES[0], "direct", "stratified:proposals=7"), cache)
     assert [r.spp for r in result.equal_time] == [2, 2, 1]
 
 

@@ -16,7 +16,7 @@ from tests.helpers import assert_same_mean, hall_map, runs, scene_dict, sun_map
 OURS = {"type": "direct_stratified", "strata": 16}
 
 
-@pytest.mark.parametrize("variant", ["llvm_ad_rgb", "llvm_ad_spectral"])
+@pytest.mark.parametrize("variant", ["llvm_ad_rgb", pytest.param("llvm_ad_spectral", marks=pytest.mark.slow)])
 def test_updates_are_followed(variant: str) -> None:
     mi.set_variant(variant)
     scene = mi.load_dict(scene_dict("diffuse"))

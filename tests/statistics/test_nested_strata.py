@@ -17,7 +17,7 @@ RUNS = 32
 SLOW = pytest.mark.slow
 MAPS = ("venice", "studio", "forest", "night", "sky", "apartment", "warehouse")
 OURS = {"type": "direct_stratified"}
-SMOOTH = ["diffuse", "roughplastic", "roughconductor", "plastic"]
+SMOOTH = ["diffuse", "roughplastic", "roughconductor"]
 
 
 def lamp() -> dict[str, Any]:
@@ -35,7 +35,12 @@ def scene(material: str = "diffuse", sampler: str = "independent", **more: Any) 
 
 
 @pytest.mark.parametrize(
-    ("material", "sampler"), [*((material, "multijitter") for material in SMOOTH), ("diffuse", "independent")]
+    ("material", "sampler"),
+    [
+        *((material, "multijitter") for material in SMOOTH),
+        pytest.param("plastic", "multijitter", marks=SLOW),
+        ("diffuse", "independent"),
+    ],
 )
 def test_same_mean_as_direct(material: str, sampler: str) -> None:
     spp = 2048 if material == "roughconductor" else 64  # its dark pixels get their light from rare events

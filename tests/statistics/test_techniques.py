@@ -19,7 +19,7 @@ VARIATIONS = [
     "stratified:strata=5,proposals=8,bsdf_samples=3",
     "importance:samples=1",
     "importance:samples=7,sequence=independent",
-    "importance:samples=4,proposals=8",
+    pytest.param("importance:samples=4,proposals=8", marks=SLOW),
     pytest.param("importance:samples=1,proposals=9,sequence=independent", marks=SLOW),
     "importance:samples=4,bsdf_samples=2",
     "importance:samples=4,proposals=16,bsdf_samples=2",
@@ -53,10 +53,8 @@ def test_delta_lobes_are_counted_once(text: str, material: str) -> None:
     assert_same_mean(runs(scene, technique.integrator(given), 256, RUNS, 0), runs(scene, direct, 1024, RUNS, 10_000))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [pytest.param("stratified:strata=8,bsdf_samples=2", marks=SLOW), "importance:samples=8,bsdf_samples=2"],
-)
+@SLOW
+@pytest.mark.parametrize("text", ["stratified:strata=8,bsdf_samples=2", "importance:samples=8,bsdf_samples=2"])
 def test_area_lights_are_counted_once(text: str) -> None:
     technique, given = parse_technique(text)
     lamp = {
