@@ -47,7 +47,7 @@ class EnergyTable:
             np.multiply(block, row[first:last, None], out=inner)
             np.cumsum(inner, axis=1, out=inner)
             sums[first + 1 : last + 1, width + 1] = inner[:, -1] + inner[:, 0]
-            before = sums[first, 1:-1] if first else np.zeros(width + 1)
+            before = sums[first, 1:-1]
             for line in sums[first + 1 : last + 1, 1:-1]:
                 np.add(line, before, out=line)
                 before = line

@@ -19,7 +19,7 @@ VARIATIONS = [
     "stratified:strata=5,proposals=8,bsdf_samples=3",
     "importance:samples=1",
     "importance:samples=7,sequence=independent",
-    pytest.param("importance:samples=4,proposals=8", marks=SLOW),
+    pytest.param("importance:samples=4,proposals=32", marks=SLOW),
     pytest.param("importance:samples=1,proposals=9,sequence=independent", marks=SLOW),
     "importance:samples=4,bsdf_samples=2",
     "importance:samples=4,proposals=16,bsdf_samples=2",

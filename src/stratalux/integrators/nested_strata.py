@@ -221,11 +221,11 @@ class NestedStrata:
         g, points = kept.g, self.points
         lit = active & dr.any(g != 0)
         V_hat, doubt = points.visibility.expected(kept.d, lit)
-        chance = mi.Float(1)
+        chance, traced = mi.Float(1), lit
         if points.expected is not None:
             share = dr.abs(target(g)) * mi.Float(count) / points.expected
             chance = dr.minimum(doubt * share / WORTH_A_RAY, 1)
-        traced = lit & (unit_float(random) < chance)
+            traced = lit & (unit_float(random) < chance)
         hit = scene.ray_test(si.spawn_ray(kept.d), traced)
         points.visibility.note(kept.d, hit, traced)
         found = dr.select(traced, (dr.select(hit, 0, 1) - V_hat) / chance, 0)
