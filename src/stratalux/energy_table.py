@@ -80,13 +80,13 @@ class EnergyTable:
             np.subtract(pairs[1:], pairs[:-1], out=rows)
             rows *= self.above[first:last, None]
             rows += pairs[:-1]
-            rows /= 2
+            rows *= 0.5
         return before
 
     def corners(self, bounds: NDArray[np.int64]) -> NDArray[np.float64]:
         """The same at the corners of the rectangles ``bounds`` (N, 4; y0, y1, x0, x1): (N, 2, 2), by y and x."""
-        y, x = bounds[:, :2, None], bounds[:, None, 2:]
-        upper = self.sums[y, x] + self.sums[y, x + 1]
-        lower = self.sums[y + 1, x] + self.sums[y + 1, x + 1]
+        y, row, take = bounds[:, :2, None], self.sums.shape[1], self.sums.ravel().take
+        at = y * row + bounds[:, None, 2:]
+        upper, lower = take(at) + take(at + 1), take(at + row) + take(at + row + 1)
         corners: NDArray[np.float64] = (upper + self.above[y] * (lower - upper)) / 2
         return corners

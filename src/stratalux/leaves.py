@@ -59,7 +59,7 @@ def cut_regions(table: EnergyTable, bounds: NDArray[np.int64] | None, depth: int
     count = len(roots)
     nodes = mi.Float64(roots.ravel())
     sums, profile = mi.Float64(table.sums.ravel()), mi.Float64(_profile(table).ravel())
-    floor, height, width = mi.Float64(_floor(table)), mi.UInt32(table.height), mi.UInt32(table.width)
+    floor, height, width = mi.Float64(added_luminance(table)), mi.UInt32(table.height), mi.UInt32(table.width)
     dr.make_opaque(nodes, floor, height, width)
     while depth:
         levels = min(_WALK if count << _WALK <= _FEW else 1, depth)
@@ -74,20 +74,15 @@ def cut_regions(table: EnergyTable, bounds: NDArray[np.int64] | None, depth: int
     return nodes
 
 
-def _floor(table: EnergyTable) -> float:
+def added_luminance(table: EnergyTable) -> float:
+    """What :data:`FLOOR` stands for."""
     return FLOOR * table.total / (4 * np.pi) or 1.0
 
 
 def _roots(table: EnergyTable, bounds: NDArray[np.int64]) -> NDArray[np.float64]:
     rows = np.append(0, np.cumsum(table.row[:-1])) + table.above * table.row  # steradians before y, of a column
-    energy = table.corners(bounds) + _floor(table) * rows[bounds[:, :2, None]] * (bounds[:, None, 2:] + 0.5)
+    energy = table.corners(bounds) + added_luminance(table) * rows[bounds[:, :2, None]] * (bounds[:, None, 2:] + 0.5)
     return np.concatenate([bounds[:, [2, 0, 3, 1]], energy.reshape(-1, 4)], axis=1)
-
-
-def energy_to_cut(table: EnergyTable, bounds: NDArray[np.int64]) -> NDArray[np.float64]:
-    """∫ luminance dω and the floor over rectangles of whole cells, (N,); always positive."""
-    e00, e10, e01, e11 = _roots(table, bounds)[:, 4:].T
-    return (e11 - e01) - (e10 - e00)
 
 
 def _profile(table: EnergyTable) -> NDArray[np.float64]:

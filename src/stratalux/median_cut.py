@@ -25,86 +25,92 @@ def median_cut(environment: EnvironmentMap, n: int) -> Regions:
     """
     if n < 1:
         raise InputError(f"number of regions: {n} is too few; give at least 1")
-    table = environment.energy_table.whole_cells()
+    cells = _Cells(environment.energy_table.whole_cells())
     height, width = environment.height, environment.width
-    bounds = np.array([[0, height - 1, 0, width]], dtype=np.int64)
+    bounds = np.array([[0], [height - 1], [0], [width]], dtype=np.int64)
     closed = np.zeros(1, dtype=bool)  # regions known to be uncuttable
-    while len(bounds) < n and not closed.all():
+    while bounds.shape[1] < n and not closed.all():
         chosen = np.flatnonzero(~closed)
-        if len(bounds) + len(chosen) > n:
-            energy = _energy(table, bounds[chosen])
-            chosen = np.sort(chosen[np.argsort(-energy, kind="stable")[: n - len(bounds)]])
-        first, second, cuttable = _cut(table, bounds[chosen], (height, width))
+        if bounds.shape[1] + len(chosen) > n:
+            energy = cells.energy(bounds[:, chosen])
+            chosen = np.sort(chosen[np.argsort(-energy, kind="stable")[: n - bounds.shape[1]]])
+        vertical, at, cuttable = cells.halve(bounds[:, chosen])
         closed[chosen[~cuttable]] = True
-        chosen = chosen[cuttable]
-        parts = np.ones(len(bounds), dtype=np.int64)
+        chosen, vertical, at = chosen[cuttable], vertical[cuttable], at[cuttable]
+        parts = np.ones(len(closed), dtype=np.int64)
         parts[chosen] = 2
-        bounds, closed = np.repeat(bounds, parts, axis=0), np.repeat(closed, parts)
-        place = np.cumsum(parts)[chosen] - 2
-        bounds[place], bounds[place + 1] = first[cuttable], second[cuttable]
-    return Regions(bounds, np.maximum(_energy(table, bounds), 0), (height, width))
+        bounds, closed = np.repeat(bounds, parts, axis=1), np.repeat(closed, parts)
+        first = np.cumsum(parts)[chosen] - 2
+        bounds[np.where(vertical, 3, 1), first] = bounds[np.where(vertical, 2, 0), first + 1] = at
+        y0, y1, x0, x1 = bounds
+        closed |= (y1 - y0) * (x1 - x0) == 1
+    energy = np.maximum(cells.energy(bounds), 0)
+    return Regions(np.ascontiguousarray(bounds.T), energy, (height, width))
 
 
-def _energy(table: NDArray[np.float64], bounds: NDArray[np.int64]) -> NDArray[np.float64]:
-    y0, y1, x0, x1 = bounds.T
-    return table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0]
+class _Cells:
+    """Rectangles of whole cells, ``bounds`` (4, N): y0, y1, x0 and x1. ``table``: :meth:`EnergyTable.whole_cells`."""
 
+    def __init__(self, table: NDArray[np.float64]) -> None:
+        self.height, self.width = len(table), table.shape[1] - 1
+        self._flat, self._row = table.ravel(), table.shape[1]
+        self._noise = _NOISE * (table[-1, -1] - table[-1, 0])
 
-def _cut(
-    table: NDArray[np.float64], bounds: NDArray[np.int64], shape: tuple[int, int]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-    """Both halves of each region, and whether it could be cut at all."""
-    y0, y1, x0, x1 = bounds.T
-    height, width = shape
-    extent_y = (y1 - y0) / (height - 1)
-    extent_x = 2 * (x1 - x0) / width * np.sin(np.pi * (y0 + y1) / 2 / (height - 1))
-    vertical = extent_x >= extent_y  # the cut runs vertically, across the width
-    at, cuttable = _best_cut(table, bounds, vertical)
-    retry = np.flatnonzero(~cuttable)
-    if len(retry):
-        vertical = vertical.copy()
-        vertical[retry] ^= True
-        at[retry], cuttable[retry] = _best_cut(table, bounds[retry], vertical[retry])
-    first, second = bounds.copy(), bounds.copy()
-    first[vertical, 3] = second[vertical, 2] = at[vertical]
-    first[~vertical, 1] = second[~vertical, 0] = at[~vertical]
-    return first, second, cuttable
+    def energy(self, bounds: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(N,)"""
+        y0, y1, x0, x1 = bounds
+        upper, lower = y0 * self._row, y1 * self._row
+        take = self._flat.take
+        return take(lower + x1) - take(upper + x1) - take(lower + x0) + take(upper + x0)
 
+    def halve(self, bounds: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.bool_]]:
+        """Whether to cut each across its width rather than its height, where, and whether it could be cut at all."""
+        y0, y1, x0, x1 = bounds
+        extent_y = (y1 - y0) / (self.height - 1)
+        extent_x = 2 * (x1 - x0) / self.width * np.sin(np.pi * (y0 + y1) / 2 / (self.height - 1))
+        vertical = extent_x >= extent_y
+        at, cuttable = self._best_cut(bounds, vertical)
+        retry = np.flatnonzero(~cuttable)
+        if len(retry):
+            vertical[retry] ^= True
+            at[retry], cuttable[retry] = self._best_cut(bounds[:, retry], vertical[retry])
+        return vertical, at, cuttable
 
-def _best_cut(
-    table: NDArray[np.float64], bounds: NDArray[np.int64], vertical: NDArray[np.bool_]
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Where to cut each region along the given axis so that the energies of the halves differ least.
+    def _best_cut(
+        self, bounds: NDArray[np.int64], vertical: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Where to cut along the given axis so that the energies of the halves differ least.
 
-    All regions at once: a bisection for the first position at which half of the energy is reached. The best cut is
-    there or one before, and both halves must have energy.
-    """
-    y0, y1, x0, x1 = bounds.T
-    low, high = np.where(vertical, x0, y0), np.where(vertical, x1, y1)
-    noise = _NOISE * (table[-1, -1] - table[-1, 0])
-    total = _energy(table, bounds)
+        All rectangles at once: a search for the last position at which less than half of the energy is reached. The
+        best cut is there or one after, and both halves must have energy.
+        """
+        y0, y1, x0, x1 = bounds
+        low = np.where(vertical, x0, y0)
+        length = np.where(vertical, x1, y1) - low
+        # What lies before a cut is what the table has on the far side of the rectangle (its lower row, or its right
+        # column) less what it has on the near side. A cut is the number of its entry on the far side.
+        step = np.where(vertical, 1, self._row)
+        begin = np.where(vertical, y1 * self._row + x0, y0 * self._row + x1)
+        end = begin + length * step
+        near = np.where(vertical, (y0 - y1) * self._row, x0 - x1)
 
-    # The energy before a cut needs two entries of the table that move with it and a constant: the far side of the
-    # rectangle (its lower row, or its right column), the near one, and their difference at the beginning.
-    flat, row = table.ravel(), table.shape[1]
-    step = np.where(vertical, 1, row)
-    far, near = np.where(vertical, y1 * row, x1), np.where(vertical, y0 * row, x0)
-    outside = flat.take(far + low * step) - flat.take(near + low * step)
+        def before(cut: NDArray[np.int64]) -> NDArray[np.float64]:
+            return self._flat.take(cut) - self._flat.take(cut + near)
 
-    def before(at: NDArray[np.int64]) -> NDArray[np.float64]:
-        moved = at * step
-        return flat.take(far + moved) - flat.take(near + moved)
+        outside = before(begin)
+        total = before(end) - outside
+        half = total / 2 + outside
+        cut = begin.copy()
+        for power in reversed(range(int(length.max() - 1).bit_length())):
+            further = np.minimum(cut + (step << power), end)
+            np.copyto(cut, further, where=before(further) < half)
 
-    below, reached, half = low, high, total / 2 + outside
-    for _ in range(int((high - low).max() - 1).bit_length()):
-        middle = (below + reached) >> 1
-        enough = before(middle) >= half
-        reached, below = np.where(enough, middle, reached), np.where(enough, below, middle)
+        def imbalance(cut: NDArray[np.int64]) -> NDArray[np.float64]:
+            energy = before(cut) - outside
+            valid = (cut > begin) & (cut < end) & (energy > self._noise) & (total - energy > self._noise)
+            return np.where(valid, np.abs(2 * energy - total), np.inf)
 
-    candidates = np.stack([reached, reached - 1])
-    energy = before(candidates) - outside
-    valid = (candidates > low) & (candidates < high) & (energy > noise) & (total - energy > noise)
-    imbalance = np.where(valid, np.abs(2 * energy - total), np.inf)
-    best = imbalance.argmin(axis=0)
-    lanes = np.arange(len(bounds))
-    return candidates[best, lanes], valid[best, lanes]
+        following = np.minimum(cut + step, end)
+        here, there = imbalance(cut), imbalance(following)
+        best = np.where(here < there, cut, following)
+        return low + (best - begin) // step, np.isfinite(np.minimum(here, there))
