@@ -80,3 +80,14 @@ def test_a_changed_map_is_a_new_array(variant: str) -> None:
     params["data"] = params["data"] * 0.5
     params.update()
     assert mi.traverse(light)["data"].array.index != held.index
+
+
+@pytest.mark.parametrize(("more", "drawn"), [(0, False), (int(mi.BSDFFlags.Null), True)])
+def test_a_mask_draws_what_it_covers_only_along_with_what_goes_through(more: int, drawn: bool) -> None:
+    bsdf = mi.load_dict({"type": "mask", "opacity": 0.5, "nested": {"type": "diffuse"}})
+    ctx = mi.BSDFContext()
+    ctx.type_mask = int(mi.BSDFFlags.Smooth) | more
+    si = dr.zeros(mi.SurfaceInteraction3f, 64)
+    si.wi = mi.Vector3f(0, 0, 1)
+    bs, _ = bsdf.sample(ctx, si, (dr.arange(mi.Float, 64) + 0.5) / 64, mi.Point2f(0.3, 0.6))
+    assert dr.any(mi.has_flag(bs.sampled_type, mi.BSDFFlags.Smooth))[0] == drawn

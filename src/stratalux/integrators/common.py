@@ -93,9 +93,7 @@ class MisWithBsdf:
 
     def __init__(self, count: int) -> None:
         self.count = count
-        self.ctx = mi.BSDFContext()
-        if count:
-            self.ctx.type_mask = int(mi.BSDFFlags.Smooth)
+        self.ctx = only(mi.BSDFFlags.Smooth) if count else mi.BSDFContext()
 
     def eval(
         self, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, wo: mi.Vector3f, density: mi.Float, active: mi.Bool
@@ -122,8 +120,7 @@ class MisWithBsdf:
         L_o = mi.Spectrum(0)
         k = mi.UInt32(0)
         while k < K:
-            bs, weight = bsdf.sample(self.ctx, si, sampler.next_1d(active), sampler.next_2d(active), active)
-            found = active & (bs.pdf > 0) & dr.any(weight != 0) & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+            bs, weight, found = draw(bsdf, self.ctx, si, sampler.next_1d(active), sampler.next_2d(active), active)
             d = si.to_world(bs.wo)
             found &= ~scene.ray_test(si.spawn_ray(d), found)
             L = light.radiance_towards(d, si, found)
@@ -188,6 +185,27 @@ class OtherEmitters:
             pdf = dr.select(delta, 0, emitter.pdf_direction(si, ds, active & ~delta) * pmf)
         value = emitter.eval(hit, active)
         return dr.select(active, weight * value * power_heuristic(bs.pdf, pdf), 0)
+
+
+def only(kinds: mi.BSDFFlags) -> mi.BSDFContext:
+    """For smooth lobes of these ``kinds``. ``Null`` along with them: without, Mitsuba's ``mask`` would draw nothing of
+    what it covers. So some that are drawn are no smooth ones; :func:`draw` tells."""
+    ctx = mi.BSDFContext()
+    ctx.type_mask = int(kinds) | int(mi.BSDFFlags.Null)
+    return ctx
+
+
+def draw(
+    bsdf: mi.BSDFPtr,
+    ctx: mi.BSDFContext,
+    si: mi.SurfaceInteraction3f,
+    u: mi.Float,
+    uv: mi.Point2f,
+    active: mi.Bool | bool = True,
+) -> tuple[mi.BSDFSample3f, mi.Spectrum, mi.Bool]:
+    """A sample of ``bsdf``, its weight, and whether it is one of a smooth lobe with light to carry."""
+    bs, weight = bsdf.sample(ctx, si, u, uv, active)
+    return bs, weight, active & (bs.pdf > 0) & dr.any(weight != 0) & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
 
 
 def by_identity(pointers: Any, values: mi.UInt32, default: int) -> mi.UInt32:

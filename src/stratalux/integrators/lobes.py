@@ -10,7 +10,7 @@ import mitsuba as mi
 
 from ..environment import MapLight
 from ..leaf_sampler import LeafSampler
-from .common import by_identity, target
+from .common import by_identity, draw, only, target
 
 DIM = 0.15
 """Of the map's mean radiance: surfaces darker than that are not thought to be looked at for their noise."""
@@ -23,11 +23,11 @@ _DRAWS = 8
 
 @dataclass(frozen=True)
 class Row:
-    """What surfaces get whose lobes have a ``concentration`` in sr⁻¹ up to this one.
+    """What surfaces get whose glossy lobes have a ``concentration`` in sr⁻¹ up to this one.
 
-    ``light`` and ``lobe``: rays for light and BSDF samples. ``matte``: whether they have a matte part that is worth a
-    control variate. ``spread``: relative variance of what BSDF samples bring, from which on each ray is worth two
-    proposals; twice that is worth four, and so on up to ``most``.
+    ``light`` and ``lobe``: rays for light samples and for samples of the glossy lobes. ``matte``: whether something
+    besides those lobes reflects light, which is worth a control variate. ``spread``: relative variance of what BSDF
+    samples bring, from which on each ray is worth two proposals; twice that is worth four, and so on up to ``most``.
     """
 
     concentration: float
@@ -40,12 +40,13 @@ class Row:
 
 ROWS = (
     Row(0.22, 16, 0, True, math.inf, 1),
-    Row(0.32, 4, 2, True, 0.12, 2),
+    Row(math.inf, 8, 4, True, 0.28, 4),
+    Row(0.32, 4, 2, False, 0.12, 2),
     Row(3.0, 4, 4, False, 0.28, 4),
-    Row(math.inf, 2, 3, False, 0.1, 8),
+    Row(math.inf, 2, 4, False, 0.1, 8),
 )
-"""A diffuse surface has a concentration of 0.2, a plastic with a gloss of 0.14 has 0.26, a GGX conductor of roughness
-0.14 has 1.3 and of roughness 0.05 has 9."""
+"""The first one is for what has hardly any gloss, the second for what has both, the others for gloss alone. A GGX
+conductor of roughness 0.14 has a concentration of 1.3 and one of roughness 0.05 has 9; all sides alike would be 0.2."""
 BESIDE_GLOSS = 8
 """Rays for light samples, at most, where other surfaces of the scene have no matte part: most of its camera samples
 are theirs, with some for the pixels around them."""
@@ -54,16 +55,17 @@ DETAILED_LIGHT = 4
 DETAILED_SPREAD = 0.082
 """Relative variance of what BSDF samples bring (see :attr:`Row.spread`) that is worth one ray for them there."""
 MOST_RAYS = max(row.light + row.lobe for row in ROWS)
-_UNKNOWN = 2
+_BOTH, _GLOSSY = 1, 2
+_UNKNOWN = _BOTH
 """The row of BSDFs that are not seen in the list of shapes, as those of instances."""
 
 
 class Allocation:
     """For every BSDF of a scene: the rays for light samples N and for BSDF samples K, and proposals M for each ray.
 
-    The concentration of a BSDF is the geometric mean of its pdf over directions drawn from it, for light from all
-    sides: the reciprocal of about the solid angle that its lobes fill. M follows from how much the map varies inside
-    the lobes. Both are measured, so any BSDF and any map have them.
+    The concentration of a BSDF is the geometric mean of the pdf of its glossy lobes over directions drawn from them,
+    for light from all sides: the reciprocal of about the solid angle that they fill. M follows from how much the map
+    varies inside the lobes. Both are measured, so any BSDF and any map have them.
     """
 
     def __init__(self, scene: mi.Scene, light: MapLight[LeafSampler]) -> None:
@@ -87,14 +89,14 @@ class Allocation:
         N, K, M = row.light, row.lobe, _power_of_two(spread / row.spread, row.most)
         if self._any_glossy:
             N = min(N, DETAILED_LIGHT if detailed else BESIDE_GLOSS)
-        if detailed and math.isfinite(spread):
+        if detailed and not row.matte and math.isfinite(spread):
             K = min(K, max(1, round(spread / DETAILED_SPREAD)))
         return N | K << 8 | M << 16 | row.matte << 31
 
     def of(
         self, bsdf: mi.BSDFPtr, detailed: mi.UInt32, active: mi.Bool
     ) -> tuple[mi.UInt32, mi.UInt32, mi.UInt32, mi.Bool]:
-        """N, K, M, and whether to use the variate, at each lane; ``detailed``: 1 in pixels that are, or 0."""
+        """N, K, M, and whether something besides gloss is there, at each lane; ``detailed``: 1 in such pixels, or 0."""
         identity = dr.reinterpret_array(mi.UInt32, bsdf)
         known = active & (identity < dr.width(self._identities))
         row = dr.select(known, dr.gather(mi.UInt32, self._identities, identity, known), _UNKNOWN)
@@ -103,9 +105,9 @@ class Allocation:
 
 
 def concentration(bsdf: mi.BSDFPtr, sampler: mi.Sampler) -> mi.Float:
-    """Logarithm of the pdf of one direction drawn from the smooth lobes; NaN where none could be drawn."""
+    """Logarithm of the pdf of one direction drawn from the glossy lobes; NaN where none could be drawn."""
     bs, _, drawn = _draw(bsdf, _surface(sampler), sampler)
-    return dr.select(drawn, dr.log(bs.pdf), dr.nan)
+    return dr.select(drawn & dr.isfinite(bs.pdf), dr.log(bs.pdf), dr.nan)
 
 
 def _rows(scene: mi.Scene) -> tuple[mi.UInt32, mi.UInt32]:
@@ -115,12 +117,14 @@ def _rows(scene: mi.Scene) -> tuple[mi.UInt32, mi.UInt32]:
         return mi.UInt32(_UNKNOWN), mi.UInt32()
     shape, bsdf, sampler = _tests(scene, 0)
     value = dr.exp(_means(concentration(bsdf, sampler), shape, count))
-    row = mi.UInt32(0)  # of the BSDFs that have no smooth lobes, too
-    for limit in ROWS[:-1]:
-        row += mi.UInt32(dr.select(value > limit.concentration, 1, 0))
-    shapes = dr.gather(mi.ShapePtr, scene.shapes_dr(), dr.arange(mi.UInt32, count))
+    bsdfs = dr.gather(mi.ShapePtr, scene.shapes_dr(), dr.arange(mi.UInt32, count)).bsdf()
+    glossy = mi.UInt32(_GLOSSY)
+    for limit in ROWS[_GLOSSY:-1]:
+        glossy += mi.UInt32(dr.select(value > limit.concentration, 1, 0))
+    row = dr.select(mi.has_flag(bsdfs.flags(), mi.BSDFFlags.Diffuse), _BOTH, glossy)
+    row = dr.select(value > ROWS[0].concentration, row, 0)  # of those that have no glossy lobes, too
     dr.eval(row)
-    return by_identity(shapes.bsdf(), row, _UNKNOWN), row
+    return by_identity(bsdfs, row, _UNKNOWN), row
 
 
 def _spreads(scene: mi.Scene, light: MapLight[LeafSampler], rows: mi.UInt32) -> list[float]:
@@ -185,11 +189,8 @@ def spread(light: MapLight[LeafSampler], bsdf: mi.BSDFPtr, N: mi.Float, K: mi.Fl
 def _draw(
     bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, sampler: mi.Sampler
 ) -> tuple[mi.BSDFSample3f, mi.Spectrum, mi.Bool]:
-    """A sample of the smooth lobes, its weight, and whether there is one."""
-    ctx = mi.BSDFContext()
-    ctx.type_mask = int(mi.BSDFFlags.Smooth)
-    bs, weight = bsdf.sample(ctx, si, sampler.next_1d(), sampler.next_2d())
-    return bs, weight, (bs.pdf > 0) & dr.isfinite(bs.pdf) & dr.any(weight > 0)
+    """A sample of the glossy lobes, its weight, and whether there is one."""
+    return draw(bsdf, only(mi.BSDFFlags.Glossy), si, sampler.next_1d(), sampler.next_2d())
 
 
 def _surface(sampler: mi.Sampler) -> mi.SurfaceInteraction3f:

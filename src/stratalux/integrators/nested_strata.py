@@ -10,7 +10,7 @@ import mitsuba as mi
 from ..environment import MapLight
 from ..leaf_sampler import LeafSampler
 from ..points import mix, shuffle, sobol_2d, unit_float, van_der_corput
-from .common import target
+from .common import draw, only, target
 from .light_samples import FreshLight, SharedLight, launch_seed
 from .lobes import Allocation
 from .variate import MatteVariate
@@ -98,15 +98,18 @@ class NestedStrata:
     The map is cut into leaves of equal energy (:mod:`stratalux.leaves`). The light samples of camera sample s are
     numbers N M s' to N M s' + N M − 1 of a scrambled van der Corput sequence along the leaves, where s' shuffles the
     camera samples: N M consecutive points fall into N M strata of equal energy, the N M S points of S camera samples
-    (powers of two) into N M S strata. With the density p of the leaves and K M BSDF samples of density p_b,
+    (powers of two) into N M S strata. With the density p of the leaves, the part f_g of the BSDF that is its glossy
+    lobes, and K M samples of these, of density p_g,
 
-        L_o ≈ 1/NM Σ_j w (L f cos V)(x_j) / p(x_j) + 1/KM Σ_j (1 − w) (L f cos V)(y_j) / p_b(y_j)
+        L_o ≈ 1/NM Σ_j ((f − (1 − w) f_g) L cos V)(x_j) / p(x_j) + 1/KM Σ_j (1 − w) (L f_g cos V)(y_j) / p_g(y_j)
 
-        w(ω) = N p̃(ω) / (N p̃(ω) + K p_b(ω)),    p̃(ω) = luminance(L(ω)) / ∫ luminance(L) dω.
+        w(ω) = N p̃(ω) / (N p̃(ω) + K p_g(ω)),    p̃(ω) = luminance(L(ω)) / ∫ luminance(L) dω.
 
     The weights are the balance heuristic's but for p̃, which stands for p: it needs no search for the leaf of a
-    direction. It is unbiased, as the weights of both techniques depend on the direction alone, add up to 1, and p is
-    positive everywhere. N, K and M follow from the BSDF and the map, see :class:`~.lobes.Allocation`.
+    direction. It is unbiased, as the weights of both techniques depend on the direction alone, add up to 1 for f_g, and
+    p is positive everywhere. What is matte is left to the light samples: drawn from all lobes, BSDF samples take a part
+    of it over and do worse. BSDFs that do not tell their lobes apart have f_g = f. N, K and M follow from the BSDF and
+    the map, see :class:`~.lobes.Allocation`.
 
     Of each M samples of a stratum, or of the BSDF, one gets a ray and stands for all, as in the paper's scheme: a
     :class:`Survivor`. What is left of a light's texture inside of lobes costs so much less than a ray each.
@@ -139,8 +142,7 @@ class NestedStrata:
         active: mi.Bool,
     ) -> mi.Spectrum:
         """Direct light of the environment map at ``si`` from smooth lobes."""
-        ctx = mi.BSDFContext()
-        ctx.type_mask = int(mi.BSDFFlags.Smooth)
+        smooth, glossy = only(mi.BSDFFlags.Smooth), only(mi.BSDFFlags.Glossy)
         N, K, M, matte = self.allocation.of(bsdf, self.points.detailed, active)
         n, K_f = mi.Float(N * M), mi.Float(K * M)
         density = n / (light.tables.energy * light.scale)  # N M p̃ is this times the luminance
@@ -149,9 +151,9 @@ class NestedStrata:
         varied = variate is not None
         H = mi.Spectrum(0)  # Of the variate
         normal, albedo = mi.Vector3f(0), mi.Spectrum(0)
+        matte &= active
         if dr.hint(varied, mode="scalar"):
             normal = si.sh_frame.n * dr.sign(mi.Frame3f.cos_theta(si.wi))
-            matte &= active
             albedo = dr.select(matte, bsdf.eval_diffuse_reflectance(si, matte) / dr.pi, 0)
 
         # ------------ Light samples: M in each of N strata, one ray ------------
@@ -165,14 +167,16 @@ class NestedStrata:
                 point = first + j * N + k
                 where = van_der_corput(point, self.points.seed)  # in units of 2⁻³² along the leaves
                 d, luminance, L_p = self.samples.draw(where >> (32 - light.tables.depth), where, si, active)
-                w = mi.Float(1)
+                wo = si.to_local(d)
+                f = mi.Spectrum(0)
+                if dr.hint(self.allocation.any_matte, mode="scalar"):
+                    f = bsdf.eval(smooth, si, wo, matte)
                 if dr.hint(self.allocation.any_bsdf_samples, mode="scalar"):
-                    f, p_b = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
+                    f_g, p_g = bsdf.eval_pdf(glossy, si, wo, active & (K > 0))
                     p = density * luminance
-                    w = dr.select((K_f * p_b > 0) & dr.any(f != 0), p / (p + K_f * p_b), 1)
-                else:
-                    f = bsdf.eval(ctx, si, si.to_local(d), active)
-                L_p *= w / n
+                    w = dr.select(p_g > 0, p / (p + K_f * p_g), 1)
+                    f = dr.select(matte, f - (1 - w) * f_g, w * f_g)
+                L_p /= n
                 kept.offer(d, L_p * f, mix(seed ^ ~point))
                 if dr.hint(varied, mode="scalar"):
                     H += L_p * MatteVariate.cosine(dr.dot(normal, d))
@@ -191,14 +195,11 @@ class NestedStrata:
                 while active & (j < M):
                     point = first + j * K + k
                     u_lobe = unit_float(van_der_corput(shuffle(point, seed), mix(seed)))
-                    bs, weight = bsdf.sample(ctx, si, u_lobe, sobol_2d(point, seed), active)
-                    found = active & (bs.pdf > 0) & dr.any(weight != 0)
+                    bs, weight, found = draw(bsdf, glossy, si, u_lobe, sobol_2d(point, seed), active)
                     d = si.to_world(bs.wo)
                     L = light.radiance_towards(d, si, found)
                     L = dr.select(found, L / (density * target(L) + K_f * bs.pdf), 0)
                     kept.offer(d, dr.select(found, L * weight * bs.pdf, 0), mix(seed ^ ~point))
-                    if dr.hint(varied, mode="scalar"):
-                        H += L * MatteVariate.cosine(dr.dot(normal, d))
                     j += 1
                 L_o += self._shadowed(scene, si, kept, K, mix(seed ^ (first + k)), active)
                 k += 1
