@@ -168,16 +168,17 @@ def test_shares_follow_the_lobes() -> None:
         found = [shape.bsdf() for shape in loaded.shapes() if shape.class_name() == "Sphere"]
         return allocated(loaded, mi.BSDFPtr(found[0]))
 
-    diffuse, rough, shiny = (
+    diffuse, plastic, rough, shiny = (
         shares(bsdf)
         for bsdf in (
             {"type": "diffuse"},
+            {"type": "roughplastic", "alpha": 0.2},
             {"type": "roughconductor", "alpha": 0.2},
             {"type": "twosided", "bsdf": {"type": "roughconductor", "alpha": 0.03}},
         )
     )
     assert diffuse[1] == 0 < rough[1] <= rough[0] and shiny[1] > shiny[0]
-    assert diffuse[0] >= rough[0] >= shiny[0]
+    assert diffuse[0] > plastic[0] > plastic[1] > 0 and plastic[0] > rough[0] >= shiny[0]
 
 
 def test_rays_go_to_other_pixels_where_some_are_glossy() -> None:
