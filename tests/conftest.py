@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import mitsuba as mi
 import pytest
@@ -14,3 +15,19 @@ import stratalux  # noqa: F401  (registers the plugins)
 def variant() -> Iterator[None]:
     mi.set_variant("llvm_ad_rgb")
     yield
+
+
+@pytest.fixture
+def launches(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Every launch of the automatic estimator, as it happens."""
+    from stratalux.integrators.launch import Launch, Launcher
+
+    seen: list[Launch] = []
+    samples = Launcher.samples
+
+    def watched(self: Launcher, launch: Launch) -> Any:
+        seen.append(launch)
+        return samples(self, launch)
+
+    monkeypatch.setattr(Launcher, "samples", watched)
+    return seen

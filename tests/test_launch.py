@@ -74,21 +74,13 @@ def test_what_others_leave_in_a_sampler_is_not_handed_on() -> None:
 
 
 @pytest.mark.parametrize("room", [18 * 12 * 16, 18 * 12 * 4])
-def test_a_pilot_shares_samples_of_the_map_only_if_all_launches_do(room: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pilot_shares_samples_of_the_map_only_if_all_launches_do(
+    room: int, launches: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Else what neighbours have in common would tell of the pixel's own error, and choose its samples by it."""
-    from stratalux.integrators.launch import Launch, Launcher
-
     monkeypatch.setattr("stratalux.integrators.automatic.LAUNCH", room)
-    used: list[Any] = []
-    samples = Launcher.samples
-
-    def watched(self: Launcher, launch: Launch) -> Any:
-        used.append(None if launch.shared is None else launch.shared.index)
-        return samples(self, launch)
-
-    monkeypatch.setattr(Launcher, "samples", watched)
     mi.render(mi.load_dict(scene_dict("diffuse")), integrator=mi.load_dict(OURS), spp=16)
-    pilot, *later = used
+    pilot, *later = (None if launch.shared is None else launch.shared.index for launch in launches)
     if len(later) == 1:
         assert later == [pilot] != [None]
     else:

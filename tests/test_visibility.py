@@ -66,17 +66,7 @@ def test_some_doubt_is_left() -> None:
 
 
 @pytest.mark.parametrize("spp", [1, 16])
-def test_only_a_pilot_that_something_follows_learns(spp: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    from stratalux.integrators.launch import Launch, Launcher
-
-    launches: list[Launch] = []
-    samples = Launcher.samples
-
-    def watched(self: Launcher, launch: Launch) -> Any:
-        launches.append(launch)
-        return samples(self, launch)
-
-    monkeypatch.setattr(Launcher, "samples", watched)
+def test_only_a_pilot_that_something_follows_learns(spp: int, launches: list[Any]) -> None:
     mi.render(mi.load_dict(scene_dict("diffuse")), integrator=mi.load_dict({"type": "direct_stratified"}), spp=spp)
     pilot, *later = launches
     assert pilot.learned is None
