@@ -162,6 +162,12 @@ def test_records_and_pages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
     (row,) = (line for line in page.splitlines() if line.startswith("| Cycles of Blender 9.9 | MIS | **40**"))
     assert "1.0012" in row and "3.0e-06 ± 1e-06" in row
     assert "Other renderers" not in markdown(bench_result())
+    # A budget whose error is lost in the reference's noise has no column.
+    lost = replace(peers_result(), floor=0.9 * peers_result().ours.points[-1].errors["surface"].median)
+    rows = [
+        line for line in markdown(replace(result, peers=(lost,))).splitlines() if "Cycles of" in line or "load," in line
+    ]
+    assert len({line.count("|") for line in rows}) == 1 and "our 16 spp" in rows[0] and "our 64 spp" not in rows[0]
 
     def fake(suite: str, *, folder: Path, peers: bool, **options: object) -> BenchResult:
         folder.mkdir(exist_ok=True)

@@ -90,7 +90,8 @@ def _cases(cases: list[CaseResult]) -> str:
 
 
 def _peers(raced: PeersResult) -> list[str]:
-    heads = ["renderer", "configuration", "speed-up", *(f"our {point.spp} spp" for point in raced.ours.points)]
+    usable = [point for point in raced.ours.points if point.error(REGION, raced.floor) is not None]
+    heads = ["renderer", "configuration", "speed-up", *(f"our {point.spp} spp" for point in usable)]
     heads += ["agreement", "plateau", "load, set-up"]
     seconds = [f"{s:.3g} s to {e:.2g}" for s, e in raced.ours.curve(REGION, raced.floor).points]
     rows = [["Stratalux", "`stratified`", "1", *seconds, "-", "-", "-"]]
