@@ -433,3 +433,13 @@ def test_matpreview_untouched(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = str(asset("scenes/matpreview/matpreview.xml"))
     assert run(monkeypatch, "render", scene, "-D", "spp=2", "-D", "width=60", "-D", "height=45", "-o", "a.exr") == 0
     assert luminance("a.exr") > 0 and mi.Bitmap("a.exr").width() == 60
+
+
+def test_a_few_samples_less_than_asked_for_are_no_interruption() -> None:
+    """Where the samples of a pixel follow its error, their mean comes out near what was asked for."""
+    from types import SimpleNamespace
+
+    from stratalux.cli.render import _watch
+
+    done = SimpleNamespace(spp=63, spp_total=64, camera_rays=1, shadow_rays=1, seconds=1.0)
+    assert _watch(iter([done]), quiet=True) == (done, False)

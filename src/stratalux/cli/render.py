@@ -114,4 +114,5 @@ def _watch(passes: Any, *, quiet: bool) -> tuple[Any, bool]:
                     break
     finally:
         signal.signal(signal.SIGINT, previous)
-    return result, result is not None and result.spp < result.spp_total
+    # Where the samples of a pixel follow its error, there may be a few less in the end than asked for.
+    return result, interrupted and result is not None and result.spp < result.spp_total
