@@ -57,7 +57,7 @@ class _Cells:
         self._noise = _NOISE * (table[-1, -1] - table[-1, 0])
 
     def energy(self, bounds: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(N,)"""
+        """∫ luminance dω over each, (N,)."""
         y0, y1, x0, x1 = bounds
         upper, lower = y0 * self._row, y1 * self._row
         take = self._flat.take

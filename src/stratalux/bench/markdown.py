@@ -90,10 +90,10 @@ def _cases(cases: list[CaseResult]) -> str:
 
 
 def _peers(raced: PeersResult) -> list[str]:
-    usable = [point for point in raced.ours.points if point.error(REGION, raced.floor) is not None]
-    heads = ["renderer", "configuration", "speed-up", *(f"our {point.spp} spp" for point in usable)]
+    ours = raced.ours.usable(REGION, raced.floor)
+    heads = ["renderer", "configuration", "speed-up", *(f"our {point.spp} spp" for point, _ in ours)]
     heads += ["agreement", "plateau", "load, set-up"]
-    seconds = [f"{s:.3g} s to {e:.2g}" for s, e in raced.ours.curve(REGION, raced.floor).points]
+    seconds = [f"{point.seconds.median:.3g} s to {error:.2g}" for point, error in ours]
     rows = [["Stratalux", "`stratified`", "1", *seconds, "-", "-", "-"]]
     failures = []
     for peer in raced.peers:

@@ -42,10 +42,14 @@ class CurveRecord:
     configuration: Configuration
     points: tuple[Point, ...]
 
+    def usable(self, region: str, floor: float) -> tuple[tuple[Point, float], ...]:
+        """The points whose error is not lost in the reference's noise, and that error."""
+        errors = ((point, point.error(region, floor)) for point in self.points)
+        return tuple((point, error) for point, error in errors if error is not None)
+
     def curve(self, region: str, floor: float) -> Curve:
         """Seconds and error of what is usable."""
-        errors = [(point.seconds.median, point.error(region, floor)) for point in self.points]
-        return Curve(tuple((seconds, error) for seconds, error in errors if error is not None))
+        return Curve(tuple((point.seconds.median, error) for point, error in self.usable(region, floor)))
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,8 @@ are theirs, with some for the pixels around them."""
 DETAILED_LIGHT = 4
 """The same in a pixel that is :attr:`~.look.Look.detailed`, where it takes camera samples to find what there is."""
 DETAILED_SPREAD = 0.082
-"""Relative variance of what BSDF samples bring (see :attr:`Row.spread`) that is worth one ray for them there."""
+"""Relative variance of what BSDF samples bring (see :attr:`Row.spread`) that is worth one ray for them there,
+on what has no matte part."""
 MOST_RAYS = max(row.light + row.lobe for row in ROWS)
 _BOTH, _GLOSSY = 1, 2
 _UNKNOWN = _BOTH
@@ -96,7 +97,10 @@ class Allocation:
     def of(
         self, bsdf: mi.BSDFPtr, detailed: mi.UInt32, active: mi.Bool
     ) -> tuple[mi.UInt32, mi.UInt32, mi.UInt32, mi.Bool]:
-        """N, K, M, and whether something besides gloss is there, at each lane; ``detailed``: 1 in such pixels, or 0."""
+        """N, K, M, and whether there is something besides gloss, at each lane.
+
+        ``detailed``: 1 in pixels that are, or 0.
+        """
         identity = dr.reinterpret_array(mi.UInt32, bsdf)
         known = active & (identity < dr.width(self._identities))
         row = dr.select(known, dr.gather(mi.UInt32, self._identities, identity, known), _UNKNOWN)
@@ -107,7 +111,7 @@ class Allocation:
 def concentration(bsdf: mi.BSDFPtr, sampler: mi.Sampler) -> mi.Float:
     """Logarithm of the pdf of one direction drawn from the glossy lobes; NaN where none could be drawn."""
     bs, _, drawn = _draw(bsdf, _surface(sampler), sampler)
-    return dr.select(drawn & dr.isfinite(bs.pdf), dr.log(bs.pdf), dr.nan)
+    return dr.select(drawn, dr.log(bs.pdf), dr.nan)
 
 
 def _rows(scene: mi.Scene) -> tuple[mi.UInt32, mi.UInt32]:
@@ -189,8 +193,9 @@ def spread(light: MapLight[LeafSampler], bsdf: mi.BSDFPtr, N: mi.Float, K: mi.Fl
 def _draw(
     bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, sampler: mi.Sampler
 ) -> tuple[mi.BSDFSample3f, mi.Spectrum, mi.Bool]:
-    """A sample of the glossy lobes, its weight, and whether there is one."""
-    return draw(bsdf, only(mi.BSDFFlags.Glossy), si, sampler.next_1d(), sampler.next_2d())
+    """A sample of the glossy lobes, its weight, and whether there is one of finite density."""
+    bs, weight, found = draw(bsdf, only(mi.BSDFFlags.Glossy), si, sampler.next_1d(), sampler.next_2d())
+    return bs, weight, found & dr.isfinite(bs.pdf)
 
 
 def _surface(sampler: mi.Sampler) -> mi.SurfaceInteraction3f:
