@@ -10,8 +10,9 @@ import mitsuba as mi
 import numpy as np
 
 import stratalux
-from stratalux import InputError, provenance
+from stratalux import InputError
 from stratalux.assets import Assets
+from stratalux.comparison import provenance
 
 
 def asset(file: str) -> Path:

@@ -9,8 +9,8 @@ from typing import Any
 
 from benchmarks.common import asset, machine
 from stratalux import EnvironmentMap, median_cut
+from stratalux.rendering.variants import choose_variant
 from stratalux.rigs import RIGS
-from stratalux.variants import choose_variant
 
 N = 300
 ROUNDS = 7
@@ -21,7 +21,7 @@ def main() -> None:
     choose_variant()
     import drjit as dr
 
-    from stratalux.leaf_sampler import RegionLeafSampler
+    from stratalux.sampling.leaf_sampler import RegionLeafSampler
 
     def stratification(environment: EnvironmentMap, n: int) -> None:
         RegionLeafSampler(environment, median_cut(environment, n))

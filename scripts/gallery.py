@@ -12,9 +12,9 @@ import numpy as np
 import stratalux
 from stratalux import EnvironmentMap, InputError, load_scene, median_cut
 from stratalux.assets import Assets
-from stratalux.image import tonemap, write_atomically
-from stratalux.picture import draw_regions
-from stratalux.techniques import techniques as all_techniques
+from stratalux.images.files import tonemap, write_atomically
+from stratalux.integrators.techniques import techniques as all_techniques
+from stratalux.rigs.picture import draw_regions
 
 ROOT = Path(__file__).parents[1]
 GALLERY = ROOT / "docs" / "gallery"

@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from stratalux.image import write_atomically
+from stratalux.images.files import write_atomically
 from stratalux.reproduce import figure2
 from stratalux.reproduce.settings import Settings
 

@@ -20,7 +20,7 @@ def variant() -> Iterator[None]:
 @pytest.fixture
 def launches(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Every launch of the automatic estimator, as it happens."""
-    from stratalux.integrators.launch import Launch, Launcher
+    from stratalux.integrators.automatic.launch import Launch, Launcher
 
     seen: list[Launch] = []
     samples = Launcher.samples

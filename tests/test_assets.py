@@ -20,7 +20,7 @@ from stratalux import assets
 from stratalux.assets import ASSETS, Asset, AssetFile, Assets
 from stratalux.cli import cli
 from stratalux.errors import InputError
-from stratalux.image import umask
+from stratalux.images.files import umask
 from tests.helpers import run
 
 CONTENT = b"v 0 0 0\n" * 50_000

@@ -8,15 +8,15 @@ from __future__ import annotations
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-from .envmap import EnvironmentMap, EnvironmentMapWarning
 from .errors import InputError
-from .median_cut import median_cut
-from .plugins import register_on_import
-from .regions import Regions, describe_regions, region_content
+from .integrators.plugins import register_on_import
+from .maps.envmap import EnvironmentMap, EnvironmentMapWarning
+from .maps.median_cut import median_cut
+from .maps.regions import Regions, describe_regions, region_content
 
 if TYPE_CHECKING:
-    from .comparison import Comparison, compare
-    from .rendering import RenderResult, render, render_passes
+    from .comparison.compare import Comparison, compare
+    from .rendering.passes import RenderResult, render, render_passes
     from .scenes.load import load_scene
 
 __all__ = [
@@ -38,11 +38,11 @@ __all__ = [
 __version__ = version("stratalux")
 
 _NEEDS_MITSUBA = {
-    "Comparison": ".comparison",
-    "compare": ".comparison",
-    "RenderResult": ".rendering",
-    "render": ".rendering",
-    "render_passes": ".rendering",
+    "Comparison": ".comparison.compare",
+    "compare": ".comparison.compare",
+    "RenderResult": ".rendering.passes",
+    "render": ".rendering.passes",
+    "render_passes": ".rendering.passes",
     "load_scene": ".scenes.load",
 }
 

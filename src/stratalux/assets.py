@@ -5,7 +5,7 @@ None of it is part of the package. :class:`Assets` looks for it in these folders
 1. the folder that the caller names;
 2. the folder that ``$STRATALUX_ASSETS`` names;
 3. ``../shared/assets`` beside a checkout of the sources;
-4. the folder ``assets`` of the cache (:func:`stratalux.reference.cache_folder`), where fetched files go.
+4. the folder ``assets`` of the cache (:func:`stratalux.caches.cache_folder`), where fetched files go.
 
 Each file has the SHA-256 of the one that our figures were measured with. A file has a URL only where that very file was
 seen in a public repository at the commit that the URL names; whatever else the URL may serve one day is refused.
@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .caches import cache_folder
 from .errors import InputError
 
 Progress = Callable[[str, int, int], None]
@@ -258,8 +259,6 @@ class Assets:
     @property
     def cache(self) -> Path:
         """The folder of the cache."""
-        from .reference import cache_folder  # with Mitsuba, which is not needed to know the names
-
         return cache_folder() / "assets"
 
     @property
@@ -362,7 +361,7 @@ def _download(file: AssetFile, path: Path, progress: Progress | None) -> None:
         from requests.exceptions import RequestException
     except ImportError:
         raise InputError("fetching needs pooch: pip install 'stratalux[assets]'") from None
-    from .image import umask
+    from .images.files import umask
 
     watch = False if progress is None else _Watch(path.name, file.size, progress)
     downloader = pooch.HTTPDownloader(progressbar=watch, chunk_size=_CHUNK)

@@ -12,7 +12,7 @@ from stratalux.bench.cases import QUICK, Case
 from stratalux.bench.peers.records import PeerRecord, PeersResult, PeerTrial
 from stratalux.bench.records import CaseResult, CurveRecord, Point
 from stratalux.bench.results import BenchResult
-from stratalux.records import Spread
+from stratalux.comparison.records import Spread
 from tests.helpers import hall_map
 
 TINY = replace(

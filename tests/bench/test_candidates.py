@@ -11,9 +11,9 @@ from stratalux.assets import ASSETS
 from stratalux.bench.candidates import OURS, Configuration, Trial, mitsuba_configurations, search
 from stratalux.bench.cases import FULL, MAPS, MATERIALS, QUICK, SCENES, find_suite
 from stratalux.bench.measure import our_ladder
+from stratalux.integrators.techniques import parse_technique
 from stratalux.scenes.materials import MATERIALS as KNOWN_MATERIALS
 from stratalux.scenes.stage import SAMPLERS
-from stratalux.techniques import parse_technique
 from tests.bench.made_up import TINY
 
 

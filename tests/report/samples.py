@@ -5,18 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stratalux.report.model import (
-    Chart,
-    Claim,
-    Crop,
-    Curve,
-    HeatMap,
-    ImageSet,
-    Picture,
-    Report,
-    Section,
-    Table,
-)
+from stratalux.report.model import Chart, Claim, Crop, Curve, HeatMap, ImageSet, Picture, Report, Section, Table
 
 WIDTH, HEIGHT = 60, 40
 NASTY = 'a < b & "c" </script><!-- \\ $style'

@@ -6,7 +6,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from stratalux.envmap import EnvironmentMap
+from stratalux.maps.envmap import EnvironmentMap
 from stratalux.reproduce.occlusion import bright_directions, hidden_share
 from stratalux.reproduce.pinned import stratified, structured
 from stratalux.reproduce.view import View

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stratalux import EnvironmentMap
-from stratalux.geometry import row_weights
+from stratalux.maps.geometry import row_weights
 from tests.helpers import hall_map, sun_map
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stratalux import EnvironmentMap, median_cut, region_content
-from stratalux.geometry import texel_solid_angle
+from stratalux.maps.geometry import texel_solid_angle
 from stratalux.rigs.kmeans import cost, kmeans, reduced_points
 from stratalux.rigs.lloyd import lloyd
 from stratalux.rigs.median_cut_lights import median_cut_lights

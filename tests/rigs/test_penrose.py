@@ -10,15 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from stratalux import EnvironmentMap
-from stratalux.rigs.penrose import (
-    BINS,
-    DENSITY,
-    correction_frame,
-    correction_table,
-    penrose,
-    root_scale,
-    tiling_points,
-)
+from stratalux.rigs.penrose import BINS, DENSITY, correction_frame, correction_table, penrose, root_scale, tiling_points
 from stratalux.rigs.voronoi import texel_directions
 from tests.rigs.maps import MAPS
 

@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from stratalux import EnvironmentMap, InputError
-from stratalux.geometry import texel_solid_angle
+from stratalux.maps.geometry import texel_solid_angle
 from stratalux.rigs import RIGS, LightRig, light_rig, rig_from_labels
 from stratalux.rigs.voronoi import texel_directions
 from tests.helpers import asset

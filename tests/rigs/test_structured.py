@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from stratalux import EnvironmentMap
-from stratalux.geometry import texel_solid_angle
+from stratalux.maps.geometry import texel_solid_angle
 from stratalux.rigs.structured import components, gamma, k_centre, structured, thresholds
 from stratalux.rigs.voronoi import texel_directions
 from tests.helpers import asset

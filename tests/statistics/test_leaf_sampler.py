@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from stratalux import EnvironmentMap, median_cut
-from stratalux.geometry import map_coordinates
-from stratalux.leaf_sampler import LeafSampler, RegionLeafSampler
-from stratalux.leaves import cut_regions, equal_energy_leaves
+from stratalux.maps.geometry import map_coordinates
+from stratalux.sampling.leaf_sampler import LeafSampler, RegionLeafSampler
+from stratalux.sampling.leaves import cut_regions, equal_energy_leaves
 from tests.helpers import ALPHA, hall_map, sun_map
 
 SAMPLES = 1 << 20

@@ -100,7 +100,7 @@ def test_launches_go_on_with_the_strata(monkeypatch: pytest.MonkeyPatch) -> None
     """Several launches of one render are unbiased and, together, as well stratified as a single one."""
     whole = close_up()
     at_once = runs(whole, OURS, 64, 2 * RUNS, 0)
-    monkeypatch.setattr("stratalux.integrators.automatic.LAUNCH", 24 * 16 * 16)
+    monkeypatch.setattr("stratalux.integrators.automatic.image.LAUNCH", 24 * 16 * 16)
     in_parts = runs(whole, OURS, 64, 2 * RUNS, 50_000)
     assert_same_mean(in_parts, runs(whole, {"type": "direct", "emitter_samples": 4}, 1024, RUNS, 10_000))
     assert in_parts.var(axis=0).mean() < 1.2 * at_once.var(axis=0).mean()
@@ -154,7 +154,7 @@ def test_new_seeds_compile_nothing() -> None:
 
 def allocated(lit: mi.Scene, bsdf: mi.BSDFPtr, detailed: int = 0) -> list[int]:
     """Rays for light and BSDF samples, and proposals for each of them."""
-    from stratalux.integrators.lobes import Allocation  # of the active variant
+    from stratalux.integrators.automatic.lobes import Allocation  # of the active variant
 
     *numbers, _ = Allocation(lit, mi.load_dict(OURS).prepare(lit)).of(bsdf, mi.UInt32(detailed), mi.Bool(True))
     return [int(number[0]) for number in numbers]
@@ -213,7 +213,7 @@ def test_proposals_follow_the_map() -> None:
 
 @pytest.mark.parametrize("material", ["roughplastic", pytest.param("roughconductor", marks=SLOW)])
 def test_same_mean_with_many_proposals(material: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stratalux.integrators.lobes._power_of_two", lambda *_: 4)
+    monkeypatch.setattr("stratalux.integrators.automatic.lobes._power_of_two", lambda *_: 4)
     spp = 2048 if material == "roughconductor" else 64
     assert_same_mean(runs(scene(material, "multijitter"), OURS, spp, RUNS, seed=0), reference(material))
 
@@ -226,7 +226,7 @@ def test_same_mean_whatever_is_thought_of_visibility(wrong: float, monkeypatch: 
         dr.eval(values)
         return values
 
-    monkeypatch.setattr("stratalux.integrators.visibility.Visibility.learn", learned)
+    monkeypatch.setattr("stratalux.integrators.automatic.visibility.Visibility.learn", learned)
     assert_same_mean(runs(scene("roughplastic", "multijitter"), OURS, 64, RUNS, seed=0), reference("roughplastic"))
 
 

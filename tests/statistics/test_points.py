@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from stratalux.points import mix, shuffle, sobol_2d, van_der_corput
+from stratalux.sampling.points import mix, shuffle, sobol_2d, van_der_corput
 from tests.helpers import ALPHA, sidak
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from stratalux import EnvironmentMap, median_cut
-from stratalux.sampling import RegionSampler, RegionTables
+from stratalux.sampling.region_sampler import RegionSampler, RegionTables
 from tests.helpers import hall_map, sidak, sun_map
 
 SAMPLES = 400_000

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mitsuba as mi
 import pytest
 
-from stratalux.techniques import parse_technique, techniques
+from stratalux.integrators.techniques import parse_technique, techniques
 from tests.helpers import assert_same_mean, reference, runs, scene_dict
 
 mi.set_variant("llvm_ad_rgb")

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from stratalux.equal_area import direction_to_square, square_to_direction
+from stratalux.sampling.equal_area import direction_to_square, square_to_direction
 from tests.helpers import ALPHA, MATERIALS, assert_same_mean, hall_map, runs, scene_dict, sidak, sun_map
 
 RUNS = 24

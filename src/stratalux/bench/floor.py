@@ -12,9 +12,9 @@ import drjit as dr
 import mitsuba as mi
 
 from ..assets import Assets
-from ..records import Spread
-from ..reference import SEED_STEP
-from ..rendering import render
+from ..comparison.records import Spread
+from ..comparison.reference import SEED_STEP
+from ..rendering.passes import render
 from .cases import Case, Suite
 from .records import spread_json
 from .scenes import load_setting

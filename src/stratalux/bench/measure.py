@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..assets import Assets
-from ..metrics import relative_mse
-from ..records import Spread
-from ..reference import SEED, SEED_STEP, Reference, find_reference, make_reference
-from ..rendering import render
-from ..techniques import parse_technique
+from ..comparison.records import Spread
+from ..comparison.reference import SEED, SEED_STEP, Reference, find_reference, make_reference
+from ..images.metrics import relative_mse
+from ..integrators.techniques import parse_technique
+from ..rendering.passes import render
 from .candidates import OURS, Configuration, Trial, mitsuba_configurations, search
 from .cases import Case, Suite
 from .race import Curve, envelope

@@ -6,7 +6,7 @@ import importlib.util
 from pathlib import Path
 from typing import Any
 
-from ..curves import COLOURS, MARKERS
+from ..comparison.curves import COLOURS, MARKERS
 from .cases import MATERIALS
 from .records import CaseResult
 from .results import BenchResult

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..comparison.records import Spread
 from ..errors import InputError
-from ..records import Spread
 from .candidates import OURS
 from .records import spread_json
 
@@ -92,9 +92,9 @@ def _status(name: str) -> int | None:
 def _measure(width: int, height: int, strata: int, repeats: int, folder: Path) -> dict[str, Any]:
     import mitsuba as mi
 
-    from ..rendering import render
-    from ..techniques import parse_technique
-    from ..variants import choose_variant
+    from ..integrators.techniques import parse_technique
+    from ..rendering.passes import render
+    from ..rendering.variants import choose_variant
 
     choose_variant()
     from ..integrators.light_samples import SharedLight  # integrators derive from the variant's own classes

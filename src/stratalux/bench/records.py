@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from ..records import Spread
+from ..comparison.records import Spread
 from .candidates import Configuration, Trial
 from .cases import Case
 from .race import Curve, Verdict, race

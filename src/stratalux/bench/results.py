@@ -52,7 +52,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from ..image import write_atomically
+from ..images.files import write_atomically
 from .candidates import OURS, Configuration
 from .cases import MATERIALS
 from .peers.records import PeersResult

@@ -12,11 +12,11 @@ from typing import Any
 import mitsuba as mi
 
 from ..assets import Assets
+from ..comparison.provenance import machine, versions
+from ..comparison.study import Study
 from ..errors import InputError
-from ..image import check_writable
-from ..provenance import machine, versions
-from ..reproduce.study import Study
-from ..variants import choose_variant
+from ..images.files import check_writable
+from ..rendering.variants import choose_variant
 from .candidates import OURS
 from .cases import Suite, find_suite
 from .floor import CASE as FLOOR_CASE

@@ -10,12 +10,12 @@ import mitsuba as mi
 import numpy as np
 
 from ..assets import Assets
-from ..comparison import surface_mask
-from ..environment import image_emitter
-from ..envmap import EnvironmentMap
+from ..comparison.compare import surface_mask
 from ..errors import InputError
-from ..metrics import Mask
-from ..rendering import render
+from ..images.metrics import Mask
+from ..integrators.environment import image_emitter
+from ..maps.envmap import EnvironmentMap
+from ..rendering.passes import render
 from ..scenes.load import envmap, load_scene
 from ..scenes.materials import material
 from ..scenes.mesh import load_mesh

@@ -7,8 +7,8 @@ import warnings
 
 import click
 
-from ..envmap import EnvironmentMapWarning
 from ..errors import CacheWarning, InputError
+from ..maps.envmap import EnvironmentMapWarning
 from . import assets, bench, compare, completion, doctor, render, reproduce, rig, stratify, techniques
 
 

@@ -53,7 +53,7 @@ def bench(suite: str, **options: Any) -> None:
     """
     from .. import bench as benchmark  # Mitsuba is imported here, not before --help
     from ..bench.picture import draw, why_no_picture
-    from ..image import check_writable
+    from ..images.files import check_writable
 
     json_path = options["json_path"]
     if json_path not in (None, "-"):

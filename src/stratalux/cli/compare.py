@@ -66,10 +66,10 @@ def compare(scene: str, **options: Any) -> None:
           --technique stratified --technique stratified:proposals=8 --technique path -o metal
       stratalux compare scene.xml --technique direct:bsdf_samples=4 --technique path --reference-spp 16384
     """
-    from ..comparison import compare as run_comparison  # Mitsuba is imported here, not before --help
-    from ..comparison import parse_entries
-    from ..results import check_folder
-    from ..variants import choose_variant
+    from ..comparison.compare import compare as run_comparison  # Mitsuba is imported here, not before --help
+    from ..comparison.compare import parse_entries
+    from ..comparison.results import check_folder
+    from ..rendering.variants import choose_variant
 
     stem = Path(scene).stem
     folder = check_folder(options["output"] or f"compare-{stem}", force=options["force"])

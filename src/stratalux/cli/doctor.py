@@ -29,7 +29,7 @@ def doctor() -> None:
             found = "missing; pip install " + package
         click.echo(f"{package:12} {found}")
 
-    from .. import variants  # a broken Mitsuba must not hide the lines above
+    from ..rendering import variants  # a broken Mitsuba must not hide the lines above
 
     llvm = variants.llvm_library()
     where = variants.llvm_path() or "unknown place"

@@ -118,8 +118,8 @@ def load(scene: str, options: dict[str, Any], *, verbose: bool = False) -> tuple
     """The Mitsuba scene that the options of :func:`scene_options` describe, and the variant, which is active then."""
     import mitsuba as mi  # not before --help
 
+    from ..rendering.variants import choose_variant
     from ..scenes.load import load_scene
-    from ..variants import choose_variant
 
     variant = choose_variant(options["variant"])
     mi.set_log_level(mi.LogLevel.Info if verbose else mi.LogLevel.Error)

@@ -11,7 +11,7 @@ import click
 
 def write_json(destination: str, content: dict[str, Any]) -> None:
     """Write ``content`` as JSON to the file ``destination``, or to standard output for ``-``."""
-    from ..image import write_atomically  # not before --help
+    from ..images.files import write_atomically  # not before --help
 
     text = json.dumps(content, indent=1)
     if destination == "-":

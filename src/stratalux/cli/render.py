@@ -43,10 +43,10 @@ def render(scene: str, **options: Any) -> None:
       stratalux render demo --technique importance:samples=32,proposals=128 -o importance.png
       stratalux render matpreview.xml -D spp=64 --env forest.hdr --env-rotate 90 -o preview.exr
     """
-    from ..image import check_output  # Mitsuba is imported here, not before --help
-    from ..rendering import render_passes
-    from ..techniques import parse_technique
-    from ..variants import choose_variant
+    from ..images.files import check_output  # Mitsuba is imported here, not before --help
+    from ..integrators.techniques import parse_technique
+    from ..rendering.passes import render_passes
+    from ..rendering.variants import choose_variant
 
     outputs = [check_output(path) for path in options["output"] or (f"{Path(scene).stem}.exr",)]
     choose_variant(options["variant"])

@@ -40,9 +40,9 @@ def reproduce(items: tuple[str, ...], **options: Any) -> None:
       stratalux reproduce fig2 fig5 -o figures
       stratalux reproduce all -o reproduction --assets ~/grace
     """
+    from ..rendering.variants import choose_variant
     from ..reproduce.run import check_folder, item_names  # Mitsuba is imported here, not before --help
     from ..reproduce.run import reproduce as run_reproduction
-    from ..variants import choose_variant
 
     item_names(items)
     check_folder(options["output"])

@@ -28,10 +28,10 @@ def rig(map_file: str, method: str, n: int, output: str | None, plot: str | None
       stratalux rig venice.hdr --method kmeans -n 32 -o rig.json --plot rig.png
       stratalux rig grace.exr --method structured -n 300 -o - | jq '.lights | length'
     """
-    from ..envmap import EnvironmentMap
-    from ..image import PICTURE_SUFFIXES, check_output, check_writable, write_picture
-    from ..picture import draw_rig
+    from ..images.files import PICTURE_SUFFIXES, check_output, check_writable, write_picture
+    from ..maps.envmap import EnvironmentMap
     from ..rigs import light_rig
+    from ..rigs.picture import draw_rig
 
     if plot:
         check_output(plot, PICTURE_SUFFIXES)

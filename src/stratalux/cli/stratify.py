@@ -25,11 +25,11 @@ def stratify(map_file: str, n: int, output: str | None, json_file: str | None, e
       stratalux stratify grace.exr -n 37 --json regions.json
       stratalux stratify grace.exr -n 16 --json - | jq '.regions[0].direction'
     """
-    from ..envmap import EnvironmentMap
-    from ..image import PICTURE_SUFFIXES, check_output, check_writable, write_picture
-    from ..median_cut import median_cut
-    from ..picture import draw_regions
-    from ..regions import describe_regions
+    from ..images.files import PICTURE_SUFFIXES, check_output, check_writable, write_picture
+    from ..maps.envmap import EnvironmentMap
+    from ..maps.median_cut import median_cut
+    from ..maps.regions import describe_regions
+    from ..rigs.picture import draw_regions
 
     if output:
         check_output(output, PICTURE_SUFFIXES)

@@ -18,8 +18,8 @@ def techniques() -> None:
       stratalux techniques
       stratalux render demo --technique importance:samples=32,sequence=sobol -o demo.png
     """
-    from ..techniques import techniques as all_techniques
-    from ..variants import choose_variant
+    from ..integrators.techniques import techniques as all_techniques
+    from ..rendering.variants import choose_variant
 
     choose_variant()
     table = Table("name", "biased", "what", "source", "properties (default)", box=None, pad_edge=False)

@@ -1,1 +1,1 @@
-"""Mitsuba plugins, one algorithm a file; :mod:`stratalux.plugins` registers them."""
+"""Mitsuba plugins, one algorithm a file; :mod:`stratalux.integrators.plugins` registers them."""

@@ -8,7 +8,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from ..environment import MapLight
+from .environment import MapLight
 
 
 class DirectIntegrator(mi.SamplingIntegrator):

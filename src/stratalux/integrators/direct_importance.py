@@ -5,11 +5,11 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from ..environment import MapCache, MapLight
-from ..median_cut import median_cut
-from ..sampling import DirectionSample, RegionSampler
-from ..techniques import Property, Technique, properties_from
+from ..maps.median_cut import median_cut
+from ..sampling.region_sampler import DirectionSample, RegionSampler
 from .common import DirectIntegrator, MisWithBsdf, target
+from .environment import MapCache, MapLight
+from .techniques import Property, Technique, properties_from
 
 IMPORTANCE = Technique(
     name="importance",

@@ -8,11 +8,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..environment import MapCache, MapLight
 from ..errors import InputError
 from ..rigs import RIGS, LightRig, Method, light_rig
-from ..techniques import Property, Technique, Value, properties_from
 from .common import DirectIntegrator
+from .environment import MapCache, MapLight
+from .techniques import Property, Technique, Value, properties_from
 
 _PROPERTIES = {
     "lights": Property(64, "directional lights, one shadow ray each", minimum=1),

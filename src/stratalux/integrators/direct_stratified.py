@@ -5,15 +5,15 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from ..environment import MapCache, MapLight
-from ..envmap import EnvironmentMap
-from ..leaf_sampler import RegionLeafSampler
-from ..median_cut import median_cut
-from ..techniques import Property, Technique, Value, properties_from
-from .automatic import Automatic
+from ..maps.envmap import EnvironmentMap
+from ..maps.median_cut import median_cut
+from ..sampling.leaf_sampler import RegionLeafSampler
+from .automatic.image import Automatic
+from .automatic.lobes import MOST_RAYS
 from .common import DirectIntegrator, MisWithBsdf, target
+from .environment import MapCache, MapLight
 from .light_samples import FreshLight, SharedLight, launch_seed
-from .lobes import MOST_RAYS
+from .techniques import Property, Technique, Value, properties_from
 
 _PINNED: dict[str, Value] = {"strata": 64, "proposals": 1, "bsdf_samples": 0}
 """What the properties are, unless given, once any of them is."""
@@ -67,7 +67,7 @@ class DirectStratified(DirectIntegrator):
     E[V(y) g(y)/q(y) · mean(w)] = (1/M) Σ_j E[w_j V(x_j) g(x_j)/q(x_j)] = ∫ V g dω.
     With M = 1 it is plain importance sampling of each region.
 
-    The density p_i is that of leaves of equal energy that the region is cut into (:mod:`stratalux.leaves`): a proposal
+    The density p_i is that of leaves of equal energy that the region is cut into (:mod:`.sampling.leaves`): a proposal
     is a leaf and a point in it. One random number chooses the leaves of all M proposals, each from another M-th of the
     region, which changes nothing in the sum above, and another one the survivor. The point in a leaf is drawn once for
     all pixels of a launch, with a seed of the launch, so that a proposal is one look-up; spectral variants, where the

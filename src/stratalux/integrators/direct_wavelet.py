@@ -7,8 +7,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from ..environment import MapCache, MapLight
-from ..equal_area import (
+from ..errors import InputError
+from ..sampling.equal_area import (
     LightPyramid,
     direction_to_square,
     first_node,
@@ -18,10 +18,10 @@ from ..equal_area import (
     texel_of_index,
     warp,
 )
-from ..errors import InputError
-from ..sampling import DirectionSample
-from ..techniques import Property, Technique, properties_from
+from ..sampling.region_sampler import DirectionSample
 from .common import DirectIntegrator, target
+from .environment import MapCache, MapLight
+from .techniques import Property, Technique, properties_from
 
 WAVELET = Technique(
     name="wavelet",

@@ -5,10 +5,10 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from ..environment import MapLight
-from ..leaf_sampler import LeafSampler
-from ..points import mix
+from ..sampling.leaf_sampler import LeafSampler
+from ..sampling.points import mix
 from .common import target
+from .environment import MapLight
 
 
 def launch_seed(sampler: mi.Sampler) -> mi.UInt32:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..techniques import Property, Technique
+from .techniques import Property, Technique
 
 TECHNIQUES = (
     Technique(

@@ -14,9 +14,9 @@ from importlib.resources import files
 from pathlib import Path
 from string import Template
 
-from ..geometry import LUMINANCE
-from ..image import write_atomically
-from ..metrics import RELATIVE_EPSILON
+from ..images.colour import LUMINANCE
+from ..images.files import write_atomically
+from ..images.metrics import RELATIVE_EPSILON
 from .charts import chart_markup
 from .colours import MAGMA, SIGNED
 from .images import EncodedSet, encode_set, set_markup

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..comparison.study import Study
 from ..report.model import HeatMap
 from .buddha import masks, masks_work
 from .measure import REFERENCE_PASSES, Judge, contest, contest_work, make_reference, reference_work
 from .pinned import Pinned, importance_mis, stratified
 from .scenes import ALPHA, SHINY_ALPHA, Frame, Subject, Workbench
 from .settings import Settings
-from .study import Study
 
 MATERIALS = {
     "diffuse": "diffuse",

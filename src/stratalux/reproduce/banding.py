@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry import LUMINANCE
-from ..metrics import Mask
+from ..images.colour import LUMINANCE
+from ..images.metrics import Mask
 
 STEEPEST = 0.05
 """The share of neighbouring pixels, the steepest, whose part in the total variation is measured."""

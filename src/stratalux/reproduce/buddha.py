@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..metrics import Mask
-from ..reference import Reference
+from ..comparison.reference import Reference
+from ..comparison.study import Study
+from ..images.metrics import Mask
 from ..report.model import Crop
 from .measure import REFERENCE_PASSES, make_reference, reference_work
 from .pinned import importance
 from .scenes import Frame, Subject, Workbench
 from .settings import Settings
-from .study import Study
 
 _MASK_WORK = 0.5
 

@@ -7,14 +7,14 @@ from statistics import median
 
 import numpy as np
 
-from ..envmap import EnvironmentMap
-from ..median_cut import median_cut
-from ..picture import draw_regions
+from ..comparison.study import Fraction, Result, Study
+from ..maps.envmap import EnvironmentMap
+from ..maps.median_cut import median_cut
 from ..report.model import Claim, ImageSet, Picture, Section, Table
+from ..rigs.picture import draw_regions
 from .item import Item
 from .scenes import Workbench
 from .settings import Settings
-from .study import Fraction, Result, Study
 from .verdicts import when
 
 REGIONS = 64

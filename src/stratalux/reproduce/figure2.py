@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..metrics import rmse
+from ..comparison.study import Study
+from ..images.metrics import rmse
 from ..report.model import Claim, Crop, ImageSet, Picture, Section, Table
 from .banding import STEEPEST, Quality, quality, step_share
 from .facts import picture_facts
@@ -14,7 +15,6 @@ from .measure import Judge, Outcome, contest, contest_work, make_reference, refe
 from .pinned import Pinned, importance, stratified, structured
 from .scenes import Frame, Subject, Workbench
 from .settings import Settings
-from .study import Study
 from .verdicts import SIGMAS, all_of, when
 
 RATES = (16, 32)

@@ -8,7 +8,8 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from ..metrics import Mask
+from ..comparison.study import Study
+from ..images.metrics import Mask
 from ..report.model import Claim, ImageSet, Picture, Section, Table
 from .buddha import crops, diffuse_frame, diffuse_reference, diffuse_work, masks, nonempty
 from .facts import picture_facts
@@ -19,7 +20,6 @@ from .occlusion import BRIGHTEST, bright_directions, hidden_share
 from .pinned import importance, stratified
 from .scenes import Workbench
 from .settings import Settings
-from .study import Study
 from .verdicts import by_size, by_spread
 
 RAYS = 16

@@ -6,7 +6,8 @@ from statistics import median
 
 import numpy as np
 
-from ..reference import Reference
+from ..comparison.reference import Reference
+from ..comparison.study import Study
 from ..report.model import Chart, Claim, Curve, Section, Table
 from .buddha import diffuse_frame, diffuse_reference, diffuse_work, masks
 from .item import Item
@@ -14,7 +15,6 @@ from .measure import Judge, Outcome, contest, contest_work
 from .pinned import Pinned, importance, stratified, structured
 from .scenes import Workbench
 from .settings import Settings
-from .study import Study
 from .unbiased import unbiased_claim, unbiased_work
 from .verdicts import all_of, by_spread
 

@@ -8,8 +8,9 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry import LUMINANCE
-from ..metrics import Mask
+from ..comparison.study import Study
+from ..images.colour import LUMINANCE
+from ..images.metrics import Mask
 from ..report.model import Claim, ImageSet, Picture, Section, Table
 from .banding import Quality, quality
 from .buddha import crops, masks, masks_work
@@ -20,7 +21,6 @@ from .measure import REFERENCE_PASSES, Judge, Outcome, contest, contest_work, ma
 from .pinned import importance_mis, stratified, structured
 from .scenes import ALPHA, EXPONENT, Frame, Subject, Workbench
 from .settings import Settings
-from .study import Study
 from .verdicts import SIGMAS, all_of, by_size, when
 
 RAYS = 32

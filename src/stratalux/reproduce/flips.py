@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..metrics import flip_map, why_no_flip
+from ..images.metrics import flip_map, why_no_flip
 from ..report.model import Picture
 
 

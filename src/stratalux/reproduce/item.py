@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from ..comparison.study import Study
 from ..report.model import Section
 from .scenes import Workbench
 from .settings import Settings
-from .study import Study
 
 
 @dataclass(frozen=True)

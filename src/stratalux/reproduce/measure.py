@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..metrics import Mask, relative_mse, rmse
-from ..reference import Reference
+from ..comparison.reference import Reference
+from ..comparison.study import Fraction, Result, Study
+from ..images.metrics import Mask, relative_mse, rmse
 from .pinned import Pinned
 from .scenes import Frame, Workbench
-from .study import Fraction, Result, Study
 
 REFERENCE_PASSES = 16
 _REFERENCE_SEED = 1 << 20

@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envmap import EnvironmentMap
+from ..maps.envmap import EnvironmentMap
 from ..rigs.rig import energy
 from ..rigs.voronoi import texel_directions
 from .view import View

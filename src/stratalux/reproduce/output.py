@@ -36,11 +36,11 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import provenance
-from ..image import write_atomically, write_picture
+from ..comparison import provenance
+from ..comparison.study import Study
+from ..images.files import write_atomically, write_picture
 from ..report.model import Chart, HeatMap, ImageSet, Picture, Report, Table
 from .settings import Settings
-from .study import Study
 
 FORMAT, FORMAT_VERSION = "stratalux-reproduction", 1
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import mitsuba as mi
 
-from ..techniques import parse_technique
+from ..integrators.techniques import parse_technique
 
 
 @dataclass(frozen=True)

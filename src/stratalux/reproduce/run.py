@@ -11,16 +11,16 @@ from pathlib import Path
 
 import mitsuba as mi
 
-from .. import provenance
 from ..assets import Assets
+from ..comparison import provenance
+from ..comparison.study import Progress, Study
 from ..errors import InputError
-from ..image import check_writable
+from ..images.files import check_writable
 from ..report.model import Report, Section
 from .items import ITEMS
 from .output import write_all
 from .scenes import GROUND_LUMINANCE, Workbench
 from .settings import FULL, QUICK, Settings
-from .study import Progress, Study
 
 STEPS = "steps"
 TITLE = "An Effective Stratified Sampling Scheme for Environment Maps with Median Cut Method"

@@ -13,8 +13,8 @@ import trimesh
 from numpy.typing import NDArray
 
 from ..assets import Assets
-from ..envmap import EnvironmentMap
-from ..geometry import texel_solid_angle
+from ..maps.envmap import EnvironmentMap
+from ..maps.geometry import texel_solid_angle
 from ..scenes.load import envmap
 from ..scenes.materials import material
 from ..scenes.mesh import TriangleMesh, load_mesh

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from statistics import median
 
+from ..comparison.study import Fraction, Result, Study
 from ..report.model import Block, Claim, Section, Table
 from .balance import Balance, balance_work, balances, best_cell, heat_map, more_proposals_against_more_regions
 from .buddha import diffuse_frame
@@ -14,7 +15,6 @@ from .occlusion import bright_directions, hidden_share
 from .pinned import importance, stratified, structured
 from .scenes import Frame, Subject, Workbench
 from .settings import Settings
-from .study import Fraction, Result, Study
 from .verdicts import by_size, by_spread
 from .visibility import Costs, visibility_costs
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
+from ..comparison.study import Study
 from ..report.model import Claim
 from .measure import contest, contest_work
 from .pinned import mitsuba_direct, stratified
 from .scenes import Frame, Subject, Workbench
 from .settings import Settings
-from .study import Study
 from .verdicts import SIGMAS, when
 
 _TECHNIQUES = (stratified(16), stratified(16, 4), mitsuba_direct(8))

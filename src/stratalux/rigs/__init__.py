@@ -12,8 +12,8 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
-from ..envmap import EnvironmentMap
 from ..errors import InputError
+from ..maps.envmap import EnvironmentMap
 from .kmeans import kmeans
 from .lloyd import lloyd
 from .median_cut_lights import median_cut_lights

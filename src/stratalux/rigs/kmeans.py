@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envmap import EnvironmentMap
 from ..errors import InputError
+from ..maps.envmap import EnvironmentMap
 from .rig import LightRig, check_count, importance, rig_from_labels
 from .voronoi import centroids, nearest, texel_directions
 

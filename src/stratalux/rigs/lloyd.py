@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envmap import EnvironmentMap
 from ..errors import InputError
-from ..geometry import texel_solid_angle
+from ..maps.envmap import EnvironmentMap
+from ..maps.geometry import texel_solid_angle
 from .rig import LightRig, check_count, importance, rig_from_labels
 from .voronoi import COINCIDENT, centroids, nearest, texel_directions
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..envmap import EnvironmentMap
 from ..errors import InputError
-from ..median_cut import median_cut
-from ..regions import region_content
+from ..maps.envmap import EnvironmentMap
+from ..maps.median_cut import median_cut
+from ..maps.regions import region_content
 from .rig import LightRig, check_count
 
 
 def median_cut_lights(environment: EnvironmentMap, n: int, *, placement: str = "centroid") -> LightRig:
-    """One light for each of the rectangles of :func:`stratalux.median_cut`.
+    """One light for each of the rectangles of :func:`stratalux.maps.median_cut`.
 
     ``placement``: ``centroid``, the energy centroid of the rectangle (Debevec 2005), or ``centre``, its middle. There
     are fewer than ``n`` lights if rectangles with energy run out; a black map gets one.

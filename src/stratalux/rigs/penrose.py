@@ -17,8 +17,8 @@ from importlib.resources import files
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..envmap import EnvironmentMap
-from ..geometry import direction
+from ..maps.envmap import EnvironmentMap
+from ..maps.geometry import direction
 from .rig import LightRig, check_count, importance, rig_from_labels
 from .voronoi import nearest, texel_directions
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..envmap import EnvironmentMap
 from ..errors import InputError
-from ..geometry import texel_solid_angle
+from ..maps.envmap import EnvironmentMap
+from ..maps.geometry import texel_solid_angle
 from .voronoi import centroids, texel_directions
 
 
@@ -19,11 +19,11 @@ from .voronoi import centroids, texel_directions
 class LightRig:
     """N directional lights that stand for the N strata of an H x W map.
 
-    ``direction`` (N, 3): unit vectors towards the lights, in the map's frame (:mod:`stratalux.geometry`). ``colour``
+    ``direction`` (N, 3): unit vectors towards the lights, in the map's frame (:mod:`.maps.geometry`). ``colour``
     (N, 3): ∫ L dω over the light's stratum, linear RGB, radiance times steradian. ``label`` (H, W) int32: index of the
     light whose stratum has each texel; every light has at least one. ``method``: the name of the technique.
 
-    A texel stands for the solid angle of :func:`stratalux.geometry.texel_solid_angle`. Raises :class:`InputError` if
+    A texel stands for the solid angle of :func:`.maps.geometry.texel_solid_angle`. Raises :class:`InputError` if
     the arrays do not fit together.
     """
 

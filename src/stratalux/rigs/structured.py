@@ -8,9 +8,9 @@ from scipy.ndimage import label as label_image
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ..envmap import EnvironmentMap
 from ..errors import InputError
-from ..geometry import texel_solid_angle
+from ..maps.envmap import EnvironmentMap
+from ..maps.geometry import texel_solid_angle
 from .rig import LightRig, check_count, rig_from_labels
 from .voronoi import COINCIDENT, centroids, nearest, texel_directions
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..geometry import direction
+from ..maps.geometry import direction
 
 COINCIDENT = 1e-12
 """Directions with 1 − cos of the angle below this (1.4 µrad) are one: the texels of a polar row are, up to rounding."""

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from stratalux.errors import InputError
-from stratalux.scenes.mesh import TriangleMesh
-from stratalux.scenes.stage import stage
+from ..errors import InputError
+from .mesh import TriangleMesh
+from .stage import stage
 
 Array = npt.NDArray[np.float32]
 

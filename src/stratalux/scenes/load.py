@@ -10,10 +10,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..environment import image_emitter
-from ..envmap import EnvironmentMap
 from ..errors import InputError
-from ..image import one_line
+from ..images.files import one_line
+from ..integrators.environment import image_emitter
+from ..maps.envmap import EnvironmentMap
 from .demo import demo_scene
 from .materials import material as material_by_name
 from .mesh import FORMATS, load_mesh

@@ -6,7 +6,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
-from stratalux.errors import InputError
+from ..errors import InputError
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from stratalux.errors import InputError
+from ..errors import InputError
 
 Floats = npt.NDArray[np.floating[Any]]
 Indices = npt.NDArray[np.signedinteger[Any]]

@@ -8,8 +8,8 @@ import mitsuba as mi
 import numpy as np
 import numpy.typing as npt
 
-from stratalux.errors import InputError
-from stratalux.scenes.mesh import TriangleMesh
+from ..errors import InputError
+from .mesh import TriangleMesh
 
 SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
 

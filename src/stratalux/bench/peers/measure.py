@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...assets import Assets
-from ...metrics import RELATIVE_EPSILON
-from ...records import Spread
+from ...comparison.records import Spread
+from ...images.metrics import RELATIVE_EPSILON
 from ..candidates import OURS, Configuration, cost
 from ..cases import Case, Suite
 from ..measure import Arena, Fraction, Truth, about_reference, reference_of

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...assets import Assets
-from ...envmap import EnvironmentMap
 from ...errors import InputError
+from ...maps.envmap import EnvironmentMap
 from ...scenes.mesh import load_mesh, smooth_shaded
 from ...scenes.stage import FIELD_OF_VIEW_DEGREES, GROUND_RADIUS, GROUND_REFLECTANCE, camera_frame, standing
 from ..cases import FLIPPED, Case

@@ -1,0 +1,1 @@
+"""``direct_stratified`` by itself: the estimator that needs no tuning."""

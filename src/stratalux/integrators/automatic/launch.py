@@ -1,0 +1,147 @@
+"""Camera samples of chosen pixels: traced and compiled once for a camera, replayed from then on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from ...sampling.points import mix, sobol_2d
+from ...sampling.recording import recorded
+from ..common import OtherEmitters
+from ..environment import MapLight
+from ..light_samples import SharedLight
+from .look import Look, look, shape_numbers
+from .nested_strata import PixelPoints
+from .sample import AutomaticSample, NestedTables
+from .visibility import Visibility
+
+_RECORDINGS = 8
+"""Kept for one camera: a pilot's, later ones', and some changes of what is compiled into kernels."""
+
+_Samples = tuple[mi.Spectrum, mi.Spectrum, mi.Bool, mi.Point2f]
+
+
+@dataclass
+class Launch:
+    """Which samples to take: number ``index`` of each ``pixel``.
+
+    ``seed``: of the points of all pixels, opaque. ``expected``: luminance at each lane, or one for all. ``shared``: the
+    samples of the map that all lanes share, from :meth:`Launcher.light_samples`; None where each is to have its own.
+    ``detailed``: for every pixel of the film, as in a :class:`~.look.Look`; None where that makes no difference.
+    ``counts`` and ``learned``: those of a :class:`~.visibility.Visibility`.
+    """
+
+    pixel: mi.UInt32
+    index: mi.UInt32
+    seed: mi.UInt32
+    expected: mi.Float
+    shared: mi.Float | None
+    detailed: mi.UInt32 | None
+    counts: tuple[mi.UInt32, mi.UInt32] | None
+    learned: mi.Float | None
+
+
+class Launcher:
+    """Takes camera samples of a ``sensor``. Python traces a kernel in 5 to 10 ms, as long as small images render.
+
+    What the scene has in arrays may change from image to image. Everything else that Mitsuba lets be changed is
+    compared at the beginning of each, and traced anew if it differs.
+    """
+
+    def __init__(self, integrator: AutomaticSample, scene: mi.Scene, sensor: mi.Sensor) -> None:
+        self.integrator, self.scene, self.sensor = integrator, scene, sensor
+        self._light: MapLight[NestedTables] | None = None
+        self._others: OtherEmitters | None = None
+        self._numbers: mi.UInt32 | None = None
+        self._fixed: tuple[Hashable, ...] = ()
+        self._recorded: dict[Callable[..., Any], Callable[..., Any]] = {
+            function: recorded(function, state_fn=self._state, limit=_RECORDINGS)
+            for function in (self._samples, self._light_samples, look)
+        }
+
+    def begin(self, light: MapLight[NestedTables]) -> None:
+        """Look at the scene as it is now; the launches that follow render that."""
+        self._light, self._others = light, OtherEmitters(self.scene, True)
+        self._fixed = *_constants(self.scene), *_constants(self.sensor)
+        # Its state, as wide as the last wavefront of another integrator, would be handed to every kernel replayed.
+        self.sensor.sampler().seed(0, 1)
+
+    def samples(self, launch: Launch) -> _Samples:
+        """Radiance, difference of the variate, alpha, and place in pixels of each sample."""
+        return self._replayed(self._samples, launch)
+
+    def light_samples(self, seed: mi.UInt32) -> mi.Float:
+        """Samples of the map for launches that share them: one in each leaf."""
+        records: mi.Float = self._recorded[self._light_samples](seed)
+        return records
+
+    def look(self) -> Look:
+        """At every pixel of a scene with shapes."""
+        width, height = (int(side) for side in self.sensor.film().crop_size())
+        corner, pixel = dr.arange(mi.UInt32, (width + 1) * (height + 1)), dr.arange(mi.UInt32, width * height)
+        dr.eval(corner, pixel)
+        if self._numbers is None:
+            self._numbers = shape_numbers(self.scene)
+        return self._replayed(look, self._numbers, corner, pixel)
+
+    def _replayed(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """``function`` of the scene, the sensor, the width and the size of the film in pixels, and ``arguments``."""
+        size = self.sensor.film().crop_size()
+        width, extent = mi.UInt32(int(size[0])), mi.Vector2f(float(size[0]), float(size[1]))
+        dr.make_opaque(width, extent)
+        arguments = self.scene, self.sensor, width, extent, *arguments
+        try:
+            return self._recorded[function](*arguments)
+        except RuntimeError:
+            # Dr.Jit cannot record every scene: not one without shapes, for instance.
+            self._recorded[function] = function
+            return function(*arguments)
+
+    def _samples(
+        self, scene: mi.Scene, sensor: mi.Sensor, width: mi.UInt32, extent: mi.Vector2f, launch: Launch
+    ) -> _Samples:
+        assert self._light is not None and self._others is not None
+        samples = None if launch.shared is None else SharedLight(launch.shared)
+        points = PixelPoints(launch.index, mix(launch.pixel ^ mix(launch.seed)), samples, launch.expected)
+        if launch.detailed is not None:
+            points.detailed = dr.gather(mi.UInt32, launch.detailed, launch.pixel)
+        row = launch.pixel // width
+        column = launch.pixel - row * width
+        points.visibility = Visibility(Visibility.tile(column, row, width), launch.counts, launch.learned)
+        place = mi.Vector2f(mi.Float(column), mi.Float(row))
+        place += sobol_2d(points.index, mix(points.seed ^ 0x51633E2D))
+        aperture = points.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
+        time = mi.Float(sensor.shutter_open())
+        if sensor.shutter_open_time() > 0:
+            time += points.next_1d() * sensor.shutter_open_time()
+        ray, importance = sensor.sample_ray_differential(time, mi.Float(0), mi.Point2f(place / extent), aperture)
+        L, valid = self.integrator.radiance(scene, self._light, self._others, points, ray, True)
+        return L * importance, points.difference * importance, valid, mi.Point2f(place)
+
+    def _light_samples(self, seed: mi.UInt32) -> mi.Float:
+        assert self._light is not None
+        return SharedLight.drawn(self._light, seed)
+
+    def _state(self, *_: Any) -> Any:
+        """What a launch depends on besides its arguments."""
+        light, others = self._light, self._others
+        assert light is not None and others is not None
+        arrays = light.arrays(), light.tables.arrays(), self.integrator.arrays(), others.arrays()
+        return arrays, light.tables.depth, self.integrator.hide_emitters, self._fixed
+
+
+def _constants(part: mi.Object) -> Iterator[Hashable]:
+    """What may be compiled into a kernel: numbers that are no arrays, and the shapes of those that are."""
+    params = mi.traverse(part)
+    for name in params.keys():  # noqa: SIM118
+        value = params[name]
+        if dr.is_tensor_v(value):
+            yield tuple(value.shape)
+        elif isinstance(value, bool | int | float | str):
+            yield value
+        elif dr.is_array_v(value) and not dr.is_jit_v(value):
+            yield str(value)

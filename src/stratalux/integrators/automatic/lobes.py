@@ -1,0 +1,216 @@
+"""How many rays a camera sample gets for the map and for the BSDF, and how many proposals for each of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from ...sampling.leaf_sampler import LeafSampler
+from ..common import by_identity, draw, only, target
+from ..environment import MapLight
+
+DIM = 0.15
+"""Of the map's mean radiance: surfaces darker than that are not thought to be looked at for their noise."""
+
+_DIRECTIONS, _LANES = 256, 16384
+"""Test directions for each surface, at least, and for all of them together."""
+_DRAWS = 8
+"""From the BSDF in each of them, to see how they differ under the map."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What surfaces get whose glossy lobes have a ``concentration`` in sr⁻¹ up to this one.
+
+    ``light`` and ``lobe``: rays for light samples and for samples of the glossy lobes. ``matte``: whether something
+    besides those lobes reflects light, which is worth a control variate. ``spread``: relative variance of what BSDF
+    samples bring, from which on each ray is worth two proposals; twice that is worth four, and so on up to ``most``.
+    """
+
+    concentration: float
+    light: int
+    lobe: int
+    matte: bool
+    spread: float
+    most: int
+
+
+ROWS = (
+    Row(0.22, 16, 0, True, math.inf, 1),
+    Row(math.inf, 8, 4, True, 0.28, 4),
+    Row(0.32, 4, 2, False, 0.12, 2),
+    Row(3.0, 4, 4, False, 0.28, 4),
+    Row(math.inf, 2, 4, False, 0.1, 8),
+)
+"""The first one is for what has hardly any gloss, the second for what has both, the others for gloss alone. A GGX
+conductor of roughness 0.14 has a concentration of 1.3 and one of roughness 0.05 has 9; all sides alike would be 0.2."""
+BESIDE_GLOSS = 8
+"""Rays for light samples, at most, where other surfaces of the scene have no matte part: most of its camera samples
+are theirs, with some for the pixels around them."""
+DETAILED_LIGHT = 4
+"""The same in a pixel that is :attr:`~.look.Look.detailed`, where it takes camera samples to find what there is."""
+DETAILED_SPREAD = 0.082
+"""Relative variance of what BSDF samples bring (see :attr:`Row.spread`) that is worth one ray for them there,
+on what has no matte part."""
+MOST_RAYS = max(row.light + row.lobe for row in ROWS)
+_BOTH, _GLOSSY = 1, 2
+_UNKNOWN = _BOTH
+"""The row of BSDFs that are not seen in the list of shapes, as those of instances."""
+
+
+class Allocation:
+    """For every BSDF of a scene: the rays for light samples N and for BSDF samples K, and proposals M for each ray.
+
+    The concentration of a BSDF is the geometric mean of the pdf of its glossy lobes over directions drawn from them,
+    for light from all sides: the reciprocal of about the solid angle that they fill. M follows from how much the map
+    varies inside the lobes. Both are measured, so any BSDF and any map have them.
+    """
+
+    def __init__(self, scene: mi.Scene, light: MapLight[LeafSampler]) -> None:
+        self._identities, rows = _rows(scene)
+        used = set(rows.numpy().tolist()) | ({_UNKNOWN} if _has_instances(scene) else set())
+        self.any_bsdf_samples = any(ROWS[row].lobe for row in used)
+        self._any_glossy = any(not ROWS[row].matte for row in used)
+        self.any_matte = any(ROWS[row].matte for row in used)
+        spreads = _spreads(scene, light, rows) if self.any_bsdf_samples else [math.nan] * len(ROWS)
+        shares = [
+            (row, spread, detailed) for detailed in (False, True) for row, spread in zip(ROWS, spreads, strict=True)
+        ]
+        self._table = mi.UInt32([self._share(*share) for share in shares])
+
+    def arrays(self) -> tuple[mi.UInt32, ...]:
+        """What kernels read."""
+        return self._identities, self._table
+
+    def _share(self, row: Row, spread: float, detailed: bool) -> int:
+        """What :meth:`of` tells, in one number."""
+        N, K, M = row.light, row.lobe, _power_of_two(spread / row.spread, row.most)
+        if self._any_glossy:
+            N = min(N, DETAILED_LIGHT if detailed else BESIDE_GLOSS)
+        if detailed and not row.matte and math.isfinite(spread):
+            K = min(K, max(1, round(spread / DETAILED_SPREAD)))
+        return N | K << 8 | M << 16 | row.matte << 31
+
+    def of(
+        self, bsdf: mi.BSDFPtr, detailed: mi.UInt32, active: mi.Bool
+    ) -> tuple[mi.UInt32, mi.UInt32, mi.UInt32, mi.Bool]:
+        """N, K, M, and whether there is something besides gloss, at each lane.
+
+        ``detailed``: 1 in pixels that are, or 0.
+        """
+        identity = dr.reinterpret_array(mi.UInt32, bsdf)
+        known = active & (identity < dr.width(self._identities))
+        row = dr.select(known, dr.gather(mi.UInt32, self._identities, identity, known), _UNKNOWN)
+        shares = dr.gather(mi.UInt32, self._table, row + detailed * len(ROWS), active)
+        return shares & 0xFF, shares >> 8 & 0xFF, shares >> 16 & 0xFF, shares >> 31 != 0
+
+
+def concentration(bsdf: mi.BSDFPtr, sampler: mi.Sampler) -> mi.Float:
+    """Logarithm of the pdf of one direction drawn from the glossy lobes; NaN where none could be drawn."""
+    bs, _, drawn = _draw(bsdf, _surface(sampler), sampler)
+    return dr.select(drawn, dr.log(bs.pdf), dr.nan)
+
+
+def _rows(scene: mi.Scene) -> tuple[mi.UInt32, mi.UInt32]:
+    """The row of each BSDF, by the identity that Dr.Jit gives it, and that of each shape."""
+    count = len(scene.shapes())
+    if count == 0:
+        return mi.UInt32(_UNKNOWN), mi.UInt32()
+    shape, bsdf, sampler = _tests(scene, 0)
+    value = dr.exp(_means(concentration(bsdf, sampler), shape, count))
+    bsdfs = dr.gather(mi.ShapePtr, scene.shapes_dr(), dr.arange(mi.UInt32, count)).bsdf()
+    glossy = mi.UInt32(_GLOSSY)
+    for limit in ROWS[_GLOSSY:-1]:
+        glossy += mi.UInt32(dr.select(value > limit.concentration, 1, 0))
+    row = dr.select(mi.has_flag(bsdfs.flags(), mi.BSDFFlags.Diffuse), _BOTH, glossy)
+    row = dr.select(value > ROWS[0].concentration, row, 0)  # of those that have no glossy lobes, too
+    dr.eval(row)
+    return by_identity(bsdfs, row, _UNKNOWN), row
+
+
+def _spreads(scene: mi.Scene, light: MapLight[LeafSampler], rows: mi.UInt32) -> list[float]:
+    """Mean :func:`spread` for each of :data:`ROWS`, NaN where there is none; ``rows``: that of each shape."""
+    shape, bsdf, sampler = _tests(scene, 1)
+    row = dr.gather(mi.UInt32, rows, shape)
+    N, K = (
+        dr.gather(mi.Float, mi.Float(numbers), row)
+        for numbers in ([row.light for row in ROWS], [row.lobe for row in ROWS])
+    )
+    return [float(value) for value in _means(spread(light, bsdf, N, K, sampler), row, len(ROWS)).numpy()]
+
+
+def _power_of_two(ratio: float, most: int) -> int:
+    """The one next to ``ratio``, in 1 … ``most``; 1 where nothing was measured."""
+    return 1 << round(math.log2(min(max(ratio, 1), most))) if math.isfinite(ratio) else 1
+
+
+def _tests(scene: mi.Scene, seed: int) -> tuple[mi.UInt32, mi.BSDFPtr, mi.Sampler]:
+    """The shape and the BSDF of each test direction, and random numbers for them."""
+    each = max(_DIRECTIONS, _LANES // len(scene.shapes()))
+    count = len(scene.shapes()) * each
+    shape = dr.arange(mi.UInt32, count) // each
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(seed, count)
+    return shape, dr.gather(mi.ShapePtr, scene.shapes_dr(), shape).bsdf(), sampler
+
+
+def _means(values: mi.Float, group: mi.UInt32, count: int) -> mi.Float:
+    """Mean in each of ``count`` groups of the values that are not NaN; NaN where there is none."""
+    counted = ~dr.isnan(values)
+    total, weight = dr.zeros(mi.Float, count), dr.zeros(mi.Float, count)
+    dr.scatter_add(total, dr.select(counted, values, 0), group)
+    dr.scatter_add(weight, mi.Float(counted), group)
+    return total / weight
+
+
+@dr.syntax
+def spread(light: MapLight[LeafSampler], bsdf: mi.BSDFPtr, N: mi.Float, K: mi.Float, sampler: mi.Sampler) -> mi.Float:
+    """Variance of what BSDF samples bring that stand beside N light samples, K in all, at a random surface.
+
+    It is relative to the square of their mean, or of :data:`DIM` of the map's if that is more. No shadows.
+    """
+    si = _surface(sampler)
+    energy = light.tables.energy * light.scale
+    total, squares = mi.Float(0), mi.Float(0)
+    k = mi.UInt32(0)
+    while k < _DRAWS:
+        bs, weight, found = _draw(bsdf, si, sampler)
+        L = light.radiance_towards(si.to_world(bs.wo), si, found)
+        g = target(L * weight) * K * bs.pdf / (N / energy * target(L) + K * bs.pdf)
+        g = dr.select(found, g, 0)
+        total += g
+        squares += g * g
+        k += 1
+    mean = total / _DRAWS
+    variance = dr.maximum(squares - total * mean, 0) / (_DRAWS - 1)
+    dim = DIM * energy / (4 * dr.pi)
+    return variance / (mean * mean + dim * dim + 1e-30)
+
+
+def _draw(
+    bsdf: mi.BSDFPtr, si: mi.SurfaceInteraction3f, sampler: mi.Sampler
+) -> tuple[mi.BSDFSample3f, mi.Spectrum, mi.Bool]:
+    """A sample of the glossy lobes, its weight, and whether there is one of finite density."""
+    bs, weight, found = draw(bsdf, only(mi.BSDFFlags.Glossy), si, sampler.next_1d(), sampler.next_2d())
+    return bs, weight, found & dr.isfinite(bs.pdf)
+
+
+def _surface(sampler: mi.Sampler) -> mi.SurfaceInteraction3f:
+    """Somewhere on a surface of any orientation, seen from anywhere in front of it."""
+    si = dr.zeros(mi.SurfaceInteraction3f, sampler.wavefront_size())
+    n = mi.warp.square_to_uniform_sphere(sampler.next_2d())
+    si.t = 1
+    si.sh_frame = mi.Frame3f(n)
+    si.n = n
+    si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
+    si.uv = sampler.next_2d()
+    if mi.is_spectral:
+        si.wavelengths = mi.Spectrum(550)
+    return si
+
+
+def _has_instances(scene: mi.Scene) -> bool:
+    return any(shape.class_name() == "Instance" for shape in scene.shapes())

@@ -1,0 +1,69 @@
+"""What ``direct_stratified`` estimates by itself for one camera sample."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mitsuba as mi
+
+from ...maps.envmap import EnvironmentMap
+from ...sampling.leaf_sampler import LeafSampler
+from ..common import DirectIntegrator
+from ..environment import MapCache, MapLight
+from ..light_samples import FreshLight
+from .lobes import Allocation
+from .nested_strata import NestedStrata, PixelPoints
+from .variate import MatteVariate
+
+
+class NestedTables(LeafSampler):
+    """The leaves of the whole map, and the variate for what is matte; spectral variants have none."""
+
+    def __init__(self, environment: EnvironmentMap) -> None:
+        super().__init__(environment)
+        self.variate = None if mi.is_spectral else MatteVariate(environment.texels)
+
+    def arrays(self) -> tuple[Any, ...]:
+        return *super().arrays(), *(self.variate.arrays() if self.variate else ())
+
+
+class AutomaticSample(DirectIntegrator):
+    """The estimate for a camera sample, in whatever order Mitsuba or another integrator asks for them."""
+
+    automatic = True
+    strata, proposals, bsdf_samples = 0, 0, -1
+
+    def __init__(self, props: mi.Properties) -> None:
+        super().__init__(props)
+        self._cache: MapCache[NestedTables] = MapCache(NestedTables)
+        self._scene: mi.Scene | None = None
+        self._tables: NestedTables | None = None
+
+    def prepare(self, scene: mi.Scene) -> MapLight[NestedTables] | None:
+        """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
+        light = self._cache.get(scene)
+        if light is not None and (self._scene is not scene or self._tables is not light.tables):
+            self._allocation = Allocation(scene, light)
+            self._scene, self._tables = scene, light.tables
+        return light
+
+    def environment_light(
+        self,
+        scene: mi.Scene,
+        light: MapLight[NestedTables],
+        sampler: mi.Sampler | PixelPoints,
+        si: mi.SurfaceInteraction3f,
+        bsdf: mi.BSDFPtr,
+        active: mi.Bool,
+    ) -> mi.Spectrum:
+        points = sampler if isinstance(sampler, PixelPoints) else PixelPoints.of(sampler)
+        samples = points.samples or FreshLight(light, points.seed)
+        variate = light.tables.variate if points is sampler and self._allocation.any_matte else None
+        return NestedStrata(self._allocation, points, samples, variate).estimate(scene, light, si, bsdf, active)
+
+    def arrays(self) -> tuple[mi.UInt32, ...]:
+        """All arrays that a kernel of the last scene prepared reads, besides those of the scene and of its light."""
+        return self._allocation.arrays()
+
+    def to_string(self) -> str:
+        return "DirectStratified[automatic]"

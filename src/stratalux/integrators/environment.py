@@ -1,0 +1,116 @@
+"""The environment emitter of a Mitsuba scene, and the tables that a technique builds from it.
+
+An integrator asks its :class:`MapCache` at every render. The tables are rebuilt only when the map itself has changed: a
+density is free of scale, and the emitter's transform and scale are read when a ray is traced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..maps.envmap import EnvironmentMap, clean
+
+T = TypeVar("T", covariant=True)
+
+
+class MapLight(Generic[T]):
+    """The image-based environment of a scene, and what a technique has built from its texels.
+
+    ``emitter``: the ``envmap``. ``tables``: what was built. ``to_world``: rotation from the frame of the map.
+    ``scale``: of its radiance. (No dataclass: Dr.Jit would take it apart and make it the state of a loop.)
+    """
+
+    def __init__(self, emitter: mi.Emitter, tables: T, to_world: Any, scale: mi.Float) -> None:
+        self.emitter, self.tables, self.to_world, self.scale = emitter, tables, to_world, scale
+
+    def radiance(self, si: mi.SurfaceInteraction3f, uv: mi.Point2f, active: mi.Bool) -> mi.Spectrum:
+        """Radiance L at the map coordinates ``uv``: the emitter's own lookup, without a detour over the direction."""
+        ds = dr.zeros(mi.DirectionSample3f)
+        ds.uv = uv
+        return self.emitter.eval_direction(si, ds, active)
+
+    def radiance_towards(self, d: mi.Vector3f, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Spectrum:
+        """Radiance L that arrives from the direction ``d`` of the world."""
+        it = dr.zeros(mi.SurfaceInteraction3f)
+        it.wi = -d
+        it.wavelengths = si.wavelengths
+        return self.emitter.eval(it, active)
+
+    def arrays(self) -> tuple[Any, ...]:
+        """What kernels read, but for the tables."""
+        return self.emitter, self.to_world, self.scale
+
+    def from_world(self, d: mi.Vector3f) -> mi.Vector3f:
+        """A direction of the world in the frame of the map."""
+        return self.to_world.inverse() @ d
+
+
+def image_emitter(scene: mi.Scene) -> mi.Emitter | None:
+    """The scene's ``envmap``, or None if there is none (``constant`` and sky models are sampled by Mitsuba itself)."""
+    emitter = scene.environment()
+    return emitter if emitter is not None and emitter.class_name() == "EnvironmentMapEmitter" else None
+
+
+class MapCache(Generic[T]):
+    """What was built from the last map seen, kept while that map stays the same."""
+
+    def __init__(self, build: Callable[[EnvironmentMap], T]) -> None:
+        self._build = build
+        self._key: tuple[Any, ...] | None = None
+        self._held: Any = None
+        self._tables: T | None = None
+
+    def get(self, scene: mi.Scene) -> MapLight[T] | None:
+        """The map of ``scene`` with its tables, or None if it has none.
+
+        Raises :class:`InputError` if ``to_world`` is not orthonormal: Mitsuba's lookup makes no sense of it.
+        """
+        emitter = image_emitter(scene)
+        if emitter is None:
+            return None
+        params = mi.traverse(emitter)
+        to_world = params["to_world"]
+        linear = to_world.matrix.numpy().reshape(4, 4)[:3, :3]
+        if not np.allclose(linear @ linear.T, np.eye(3), atol=1e-3):
+            raise InputError(
+                f"environment map '{emitter.id()}': to_world scales or shears; use rotations, and 'scale' for light"
+            )
+        if self._tables is None or self._key != _key(emitter, params["data"]):
+            self._tables = self._build(EnvironmentMap(_rgb_texels(emitter)))
+            data = mi.traverse(emitter)["data"]
+            # References of our own: neither the emitter's address nor the array's index goes to another meanwhile.
+            self._held = emitter, mi.Float(data.array)
+            self._key = _key(emitter, data)
+        return MapLight(emitter, self._tables, to_world, params["scale"])
+
+
+def _key(emitter: mi.Emitter, data: mi.TensorXf) -> tuple[Any, ...]:
+    """Equal for equal maps: Dr.Jit gives every changed array a new index."""
+    return emitter.ptr, data.array.index, tuple(data.shape)
+
+
+def _rgb_texels(emitter: mi.Emitter) -> NDArray[np.float32]:
+    """What the density should follow, (H, W, 3), from the emitter's own storage; bad texels are repaired there too."""
+    params = mi.traverse(emitter)
+    stored = params["data"].numpy()
+    if mi.is_spectral:
+        # Three coefficients of the upsampling model and a scale; their mean over wavelengths plays the luminance.
+        if not np.isfinite(stored).all():
+            raise InputError("environment map of the scene: NaN or infinite texels; repair the file first")
+        coefficients = mi.Vector3f(*(mi.Float(stored[..., c].ravel()) for c in range(3)))
+        mean = mi.srgb_model_mean(coefficients).numpy().reshape(stored.shape[:2])
+        stored = np.repeat((mean * np.maximum(stored[..., 3], 0))[..., None], 3, axis=2)
+    else:
+        repaired = clean(stored, "environment map of the scene")
+        if repaired is not stored:
+            params["data"] = mi.TensorXf(repaired)
+            params.update()
+            stored = repaired
+    return stored[:, 1:-1]  # without the halo columns

@@ -1,0 +1,51 @@
+"""Pictures of partitions."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.files import tonemap
+from ..maps.envmap import EnvironmentMap
+from ..maps.geometry import map_coordinates
+from ..maps.regions import Regions
+from . import LightRig
+
+_BORDER = (120, 255, 90)
+_MIN_WIDTH = 1024
+
+
+def draw_regions(environment: EnvironmentMap, regions: Regions, exposure: float | None = None) -> NDArray[np.uint8]:
+    """The tone-mapped map with the borders of the regions on it (figure 1), 8-bit sRGB; small maps are enlarged."""
+    height, width = regions.shape
+    zoom = max(1, -(-_MIN_WIDTH // width))
+    picture = np.repeat(np.repeat(tonemap(environment.texels, exposure), zoom, axis=0), zoom, axis=1)
+    # A border runs through texel centres, so half a texel in from the corner of its texel.
+    for y0, y1, x0, x1 in (regions.bounds * zoom + zoom // 2).tolist():
+        picture[y0 : y1 + 1, x0] = picture[y0 : y1 + 1, min(x1, width * zoom - 1)] = _BORDER
+        picture[y0, x0 : x1 + 1] = picture[min(y1, height * zoom - 1), x0 : x1 + 1] = _BORDER
+    return picture
+
+
+def draw_rig(environment: EnvironmentMap, rig: LightRig, exposure: float | None = None) -> NDArray[np.uint8]:
+    """The tone-mapped map with the cells of the lights tinted and the lights on it as dots, 8-bit sRGB."""
+    height, width = rig.shape
+    zoom = max(1, -(-_MIN_WIDTH // width))
+    # Hues a golden angle apart: neighbours in number, which are often neighbours on the map, differ much.
+    hue = 2 * np.pi * np.arange(len(rig)) * 0.381966
+    tint = 127.5 + 127.5 * np.cos(hue[:, None] + 2 * np.pi / 3 * np.arange(3))
+    tinted: NDArray[np.uint8] = (0.65 * tonemap(environment.texels, exposure) + 0.35 * tint[rig.label]).astype(np.uint8)
+    picture = np.repeat(np.repeat(tinted, zoom, axis=0), zoom, axis=1)
+
+    u, v = map_coordinates(rig.direction)
+    x, y = u * width * zoom, (v * (height - 1) + 0.5) * zoom
+    radius = max(3.0, min(6.0, 0.2 * np.sqrt(picture.shape[0] * picture.shape[1] / len(rig))))
+    reach = int(radius) + 2
+    offsets = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    for centre_x, centre_y in zip(x, y, strict=True):
+        rows, columns = int(centre_y) + offsets[0], int(centre_x) + offsets[1]
+        distance = np.hypot(columns + 0.5 - centre_x, rows + 0.5 - centre_y)
+        inside = (distance < radius) & (rows >= 0) & (rows < picture.shape[0])
+        colour = np.where((distance < radius - 1.2)[..., None], 255, 0)
+        picture[rows[inside], columns[inside] % picture.shape[1]] = colour[inside]
+    return picture

@@ -1,0 +1,445 @@
+"""The command line: what it writes, and one clear line and exit code 2 for every bad input."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from stratalux.cli import cli
+from stratalux.integrators.techniques import techniques
+from stratalux.rendering import variants
+from stratalux.rigs import RIGS
+from tests.helpers import asset, hall_map, run
+from tests.reproduce.data import make_assets
+
+CUBE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+XML = """<scene version="3.0.0">
+    <default name="radius" value="1"/>
+    <sensor type="perspective">
+        <film type="hdrfilm"><integer name="width" value="12"/><integer name="height" value="8"/></film>
+    </sensor>
+    <shape type="sphere">
+        <float name="radius" value="$radius"/><transform name="to_world"><translate z="4"/></transform>
+    </shape>
+    {emitter}
+</scene>"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Run in a folder with a map, a mesh and some scenes."""
+    monkeypatch.chdir(tmp_path)
+    mi.Bitmap(hall_map(24, 48)).write("map.exr")
+    Path("mesh.obj").write_text(CUBE)
+    Path("scene.xml").write_text(
+        XML.format(emitter='<emitter type="envmap"><string name="filename" value="map.exr"/></emitter>')
+    )
+    Path("dark.xml").write_text(XML.format(emitter=""))
+    Path("constant.xml").write_text(XML.format(emitter='<emitter type="constant"/>'))
+    return tmp_path
+
+
+def luminance(path: str) -> float:
+    return float(np.array(mi.Bitmap(path))[..., :3].mean())
+
+
+SMALL = ("--size", "24x16", "--spp", "2", "--strata", "4")
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        ("mesh.obj", "--env", "map.exr"),
+        ("mesh.obj", "--env", "map.exr", "--material", "ceramic"),
+        ("scene.xml",),
+        ("demo",),
+    ],
+)
+def test_renders_everything_it_promises(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], scene: tuple[str, ...]
+) -> None:
+    assert run(monkeypatch, "render", *scene, *SMALL, "-o", "a.exr", "-o", "a.png") == 0
+    image = mi.Bitmap("a.exr")
+    assert image.height() == 16 and image.width() == 24 and luminance("a.exr") > 0
+    assert image.metadata()["strata"] == 4 and image.metadata()["spp"] == 2
+    assert mi.Bitmap("a.png").component_format() == mi.Struct.Type.UInt8
+    out = capsys.readouterr().out
+    assert "2 spp in" in out and "rays/s" in out and "samples/s" in out and "wrote a.exr, a.png" in out
+
+
+def test_the_map_of_a_scene_is_replaced_turned_and_scaled(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("scene.xml", "constant.xml", "dark.xml"):
+        assert run(monkeypatch, "render", name, "--env", "map.exr", *SMALL, "-o", f"{name}.exr", "-q") == 0
+    assert luminance("scene.xml.exr") == pytest.approx(luminance("dark.xml.exr"), rel=0.05)
+    assert luminance("scene.xml.exr") == pytest.approx(luminance("constant.xml.exr"), rel=0.05)
+    assert run(monkeypatch, "render", "scene.xml", "--env-scale", "3", *SMALL, "-o", "bright.exr", "-q") == 0
+    assert luminance("bright.exr") == pytest.approx(3 * luminance("scene.xml.exr"), rel=0.05)
+    assert run(monkeypatch, "render", "scene.xml", "--env-rotate", "flip", *SMALL, "-o", "flip.exr", "-q") == 0
+    assert run(monkeypatch, "render", "scene.xml", "--env-rotate", "180,0,0", *SMALL, "-o", "x.exr", "-q") == 0
+    assert luminance("flip.exr") == pytest.approx(luminance("x.exr"), rel=1e-3)
+    assert luminance("flip.exr") != pytest.approx(luminance("scene.xml.exr"), rel=0.05)
+
+
+def test_rotations_go_about_the_world_axes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A light straight up is turned by 90 degrees about x into +z, and then about y into +x."""
+    from stratalux.scenes.load import load_scene
+
+    scene = load_scene("scene.xml", rotate=(90, 90, 0))
+    turned = mi.traverse(scene.environment())["to_world"].matrix.numpy().reshape(4, 4)[:3, :3] @ [0, 1, 0]
+    np.testing.assert_allclose(turned, [1, 0, 0], atol=1e-6)
+
+
+def test_definitions_and_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run(monkeypatch, "render", "scene.xml", "-D", "radius=0.01", "--spp", "1", "-N", "2", "-q") == 0
+    assert mi.Bitmap("scene.exr").width() == 12
+
+
+def test_stratify_draws_and_lists(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(monkeypatch, "stratify", "map.exr", "-n", "37", "-o", "r.png", "--json", "r.json") == 0
+    assert "37 region(s), energies" in capsys.readouterr().out
+    described = json.loads(Path("r.json").read_text())
+    assert len(described["regions"]) == 37 and described["width"] == 48
+    region = described["regions"][0]
+    assert set(region) == {"texels", "u", "v", "solid_angle", "energy", "mean_colour", "direction"}
+    assert sum(r["solid_angle"] for r in described["regions"]) == pytest.approx(4 * np.pi)
+    assert mi.Bitmap("r.png").width() >= 1024
+    assert run(monkeypatch, "stratify", "map.exr", "-n", "2", "--json", "-") == 0
+    captured = capsys.readouterr()
+    assert len(json.loads(captured.out)["regions"]) == 2 and "cut in" in captured.err
+
+
+def test_techniques_are_rendered_by_name(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    size = ("--size", "12x8", "--spp", "8")
+    for text in ("stratified:strata=8", "importance:samples=8", "direct", "kmeans:lights=8,jitter=true"):
+        assert run(monkeypatch, "render", "scene.xml", "--technique", text, *size, "-o", "a.exr") == 0
+        assert mi.Bitmap("a.exr").metadata()["technique"] == text.partition(":")[0]
+    assert run(monkeypatch, "techniques") == 0
+    lines = capsys.readouterr().out.splitlines()
+    for name in techniques():
+        assert any(line.startswith(name) for line in lines)
+
+
+def test_rigs_are_written_and_drawn(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    for method in RIGS:
+        arguments = ("rig", "map.exr", "--method", method, "-n", "12", "-o", "rig.json", "--plot", "rig.png")
+        assert run(monkeypatch, *arguments) == 0
+        rig = json.loads(Path("rig.json").read_text())
+        assert len(rig["lights"]) == 12 and rig["method"] == method and rig["preprocessing_seconds"] > 0
+        assert set(rig["lights"][0]) == {"direction", "colour", "solid_angle"}
+        assert mi.Bitmap("rig.png").width() >= 1024
+        assert f"12 light(s) by {method}" in capsys.readouterr().out
+    assert run(monkeypatch, "rig", "map.exr", "-n", "2", "-o", "-") == 0
+    assert len(json.loads(capsys.readouterr().out)["lights"]) == 2
+
+
+def test_doctor_and_completion(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(monkeypatch, "doctor") == 0
+    out = capsys.readouterr().out
+    assert "llvm_ad_rgb" in out and "works" in out and "libLLVM" in out
+    for shell in ("bash", "zsh", "fish"):
+        assert run(monkeypatch, "completion", shell) == 0
+        assert "_STRATALUX_COMPLETE" in capsys.readouterr().out
+
+
+def test_doctor_where_llvm_aborts(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert not variants.llvm_aborts()
+    monkeypatch.setattr(variants, "llvm_aborts", lambda: True)
+    monkeypatch.setattr(variants.dr, "has_backend", lambda backend: backend == dr.JitBackend.LLVM)
+    assert run(monkeypatch, "doctor") == 1
+    out = capsys.readouterr().out
+    assert "aborts with this LLVM library" in out and "no variant works" in out
+
+
+COMPARE = ("--size", "24x16", "--rays", "4", "--spp", "1", "--repeats", "1", "--reference-spp", "16")
+
+
+def test_compare_writes_a_folder_and_a_table(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("STRATALUX_CACHE", "cache")
+    arguments = ("compare", "mesh.obj", "--env", "map.exr", *COMPARE, "--technique", "stratified", "-t", "direct")
+    assert run(monkeypatch, *arguments) == 0
+    out = capsys.readouterr().out
+    assert "reference: path (max_depth=2), 16 spp, made in" in out and "wrote compare-mesh" in out
+    assert all(word in out for word in ("Equal shadow rays", "Equal time", "direct", "relMSE", "FLIP", "vs best"))
+    content = json.loads(Path("compare-mesh/results.json").read_text())
+    assert [entry["name"] for entry in content["entries"]] == ["stratified", "direct"]
+    assert content["settings"]["rays"] == [4] and Path("compare-mesh/direct-4.png").exists()
+    assert "report.html" in out and Path("compare-mesh/report.html").exists()
+    assert len(list(Path("cache").rglob("*.npz"))) == 1
+    assert run(monkeypatch, *arguments, "--force", "-q") == 0
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert json.loads(Path("compare-mesh/results.json").read_text())["reference"]["cached"] is True
+
+
+def test_reproduce_says_which_claims_hold(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], folder: Path
+) -> None:
+    arguments = ("reproduce", "fig1", "--quick", "--assets", str(make_assets(folder / "assets")), "-o", "out")
+    assert run(monkeypatch, *arguments) == 0
+    captured = capsys.readouterr()
+    assert "64 rectangles" in captured.out and "holds" in captured.out and "wrote out" in captured.out
+    assert "note: A quick run" in captured.err
+    assert json.loads(Path("out/claims.json").read_text())["sections"][0]["anchor"] == "fig1"
+    assert run(monkeypatch, *arguments, "-q") == 0
+    assert capsys.readouterr().out == ""
+
+
+def test_an_interrupted_reproduction_says_how_to_go_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], folder: Path
+) -> None:
+    def interrupt(*arguments: object, **options: object) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(5)
+
+    monkeypatch.setattr("stratalux.reproduce.run.write_all", interrupt)
+    assert run(monkeypatch, "reproduce", "fig1", "--quick", "--assets", str(make_assets(folder / "assets"))) == 130
+    assert "stratalux: interrupted; the same command resumes\n" in capsys.readouterr().err
+    assert len(list((folder / "reproduction" / "steps").iterdir())) == 1
+
+
+@pytest.mark.parametrize("command", [(), *((name,) for name in cli.commands)])
+def test_help_has_examples(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: tuple[str, ...]
+) -> None:
+    assert run(monkeypatch, *command, "--help") == 0
+    assert "Examples:" in capsys.readouterr().out
+
+
+def spoil() -> None:
+    """All sorts of bad files."""
+    data = Path("map.exr").read_bytes()
+    Path("truncated.exr").write_bytes(data[: len(data) // 2])
+    Path("text.exr").write_text("hello")
+    Path("empty.obj").write_text("v 0 0 0\n")
+    Path("mesh.xyz").write_text("")
+    Path("bad.xml").write_text("<scene version='3.0.0'><shape type='sphere'></scene>")
+    Path("plugin.xml").write_text("<scene version='3.0.0'><shape type='nonsense'/></scene>")
+    Path("property.xml").write_text(
+        XML.format(emitter='<shape type="sphere"><float name="nonsense" value="1"/></shape>')
+    )
+    Path("sensor.xml").write_text("<scene version='3.0.0'><shape type='sphere'/></scene>")
+    Path("shape.xml").write_text("<shape version='3.0.0' type='sphere'/>")
+    Path("lost.xml").write_text(
+        XML.format(emitter='<emitter type="envmap"><string name="filename" value="no.exr"/></emitter>')
+    )
+    shear = '<emitter type="envmap"><string name="filename" value="map.exr"/>'
+    shear += '<transform name="to_world"><scale x="2"/></transform></emitter>'
+    Path("shear.xml").write_text(XML.format(emitter=shear))
+    Path("folder.exr").mkdir()
+    Path("full").mkdir()
+    Path("full/precious.txt").touch()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("render none.xml", "none.xml: no such file"),
+        ("render none.obj --env map.exr", "none.obj"),
+        ("render mesh.obj", "--env"),
+        ("render mesh.obj --env none.exr", "none.exr: no such file"),
+        ("render mesh.obj --env truncated.exr", "truncated.exr: cannot be read"),
+        ("render mesh.obj --env text.exr", "text.exr: cannot be read"),
+        ("render mesh.xyz --env map.exr", "mesh.xyz: unknown kind"),
+        ("render empty.obj --env map.exr", "empty.obj"),
+        ("render bad.xml", "bad.xml"),
+        ("render plugin.xml", "nonsense"),
+        ("render property.xml", "nonsense"),
+        ("render sensor.xml", "no sensor"),
+        ("render shape.xml", "not a scene"),
+        ("render lost.xml", "no.exr"),
+        ("render shear.xml", "scales or shears"),
+        ("render dark.xml --env-rotate 90", "no environment map"),
+        ("render demo --strata 0", "strata"),
+        ("render demo --proposals 0", "proposals"),
+        ("render demo --spp 0", "spp"),
+        ("render demo --size 0x4", "not a size"),
+        ("render demo --size big", "not a size"),
+        ("render demo --env-rotate up", "not a rotation"),
+        ("render demo --material cheese", "cheese"),
+        ("render demo --variant scalar_rgb", "scalar_rgb"),
+        ("render demo --variant nonsense", "nonsense"),
+        ("render demo -o no/such/place.exr", "cannot be written"),
+        ("render demo -o folder.exr", "is a folder"),
+        ("render demo -o a.tiff", "unknown image format"),
+        ("render demo -D radius", "name=value"),
+        ("render scene.xml -D nonsense=3", "nonsense"),
+        ("compare demo", "technique"),
+        ("compare demo -t nonsense", "technique 'nonsense' is unknown; use one of"),
+        ("compare demo -t stratified:colour=2", "no property 'colour'"),
+        ("compare demo -t stratified:strata=-1", "strata"),
+        ("compare demo -t path -t path", "given twice"),
+        ("compare demo -t path --rays many", "'many' is no list of numbers"),
+        ("compare demo -t path --rays 4,,8", "no list of numbers"),
+        ("compare demo -t path --rays 0", "no list of numbers"),
+        ("compare demo -t path --spp 0", "spp"),
+        ("compare demo -t path --repeats 0", "repeats"),
+        ("compare demo -t path --seed -1", "seed"),
+        ("compare demo -t path --size 0x4", "not a size"),
+        ("compare none.xml -t path", "none.xml: no such file"),
+        ("compare mesh.obj -t path", "--env"),
+        ("compare demo -t path --variant nonsense", "nonsense"),
+        ("compare demo -t path -o folder.exr/no/place", "cannot be written"),
+        ("compare demo -t path -o map.exr", "is a file"),
+        ("compare demo -t path -o full --force", "is not empty"),
+        ("render", "SCENE"),
+        ("render demo --nonsense", "nonsense"),
+        ("render demo --technique nonsense", "nonsense"),
+        ("render demo --technique stratified:strata", "key=value"),
+        ("render demo --technique stratified:strata=-1", "strata"),
+        ("render demo --technique stratified:strata=many", "strata"),
+        ("render demo --technique stratified:colour=3", "colour"),
+        ("render demo --technique importance:sequence=halton", "halton"),
+        ("render demo --technique path --strata 4", "strata"),
+        ("rig none.exr", "no such file"),
+        ("rig map.exr -n 0", "-n"),
+        ("rig map.exr -n 1000000", "1000000"),
+        ("rig map.exr --method nonsense", "nonsense"),
+        ("rig map.exr --plot a.exr", "unknown image format"),
+        ("rig map.exr -o no/such/rig.json", "cannot be written"),
+        ("reproduce fig9", "item 'fig9' is unknown; use fig1"),
+        ("reproduce -o map.exr", "is a file"),
+        ("reproduce -o full", "is not empty, and holds no reproduction"),
+        ("reproduce -o no/such/place", "cannot be written"),
+        ("reproduce fig1 --assets nowhere", "no such folder"),
+        ("reproduce fig1 --variant nonsense", "nonsense"),
+        ("nonsense", "nonsense"),
+        ("stratify none.exr", "no such file"),
+        ("stratify map.exr -n 0", "-n"),
+        ("stratify map.exr -o regions.exr", "unknown image format"),
+        ("stratify map.exr --json no/such/place.json", "cannot be written"),
+    ],
+)
+def test_bad_input_takes_one_line_and_exits_with_2(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], arguments: str, words: str
+) -> None:
+    spoil()
+    before = sorted(p.name for p in Path().iterdir())
+    assert run(monkeypatch, *arguments.split()) == 2
+    captured = capfd.readouterr()
+    assert captured.err.count("\n") == 1 and captured.err.startswith("stratalux: error: "), captured.err
+    assert words in captured.err
+    assert captured.out == ""
+    assert sorted(p.name for p in Path().iterdir()) == before
+
+
+def test_odd_maps_are_rendered_with_a_warning(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    texels = hall_map(16, 32)
+    texels[3, 3], texels[4, 4], texels[5, 5] = np.nan, np.inf, -1
+    mi.Bitmap(texels).write("odd.exr")
+    assert run(monkeypatch, "render", "mesh.obj", "--env", "odd.exr", *SMALL, "-o", "a.exr") == 0
+    assert "1 NaN, 1 infinite, 1 negative texel(s) repaired" in capfd.readouterr().err
+    assert np.isfinite(np.array(mi.Bitmap("a.exr"))).all()
+    Path("odd.xml").write_text(Path("scene.xml").read_text().replace("map.exr", "odd.exr"))
+    assert run(monkeypatch, "render", "odd.xml", *SMALL, "-o", "b.exr") == 0
+    assert "repaired" in capfd.readouterr().err
+    assert np.isfinite(np.array(mi.Bitmap("b.exr"))).all()
+    mi.Bitmap(hall_map(16, 20)).write("square.exr")
+    assert run(monkeypatch, "stratify", "square.exr") == 0
+    assert "20x16 is not 2:1" in capfd.readouterr().err
+
+
+def test_a_black_map_renders_black(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    mi.Bitmap(np.zeros((16, 32, 3), dtype=np.float32)).write("black.exr")
+    assert run(monkeypatch, "render", "mesh.obj", "--env", "black.exr", *SMALL, "-o", "a.exr", "-o", "a.png") == 0
+    assert luminance("a.exr") == 0
+    assert run(monkeypatch, "stratify", "black.exr", "-o", "b.png", "--json", "b.json") == 0
+    assert "1 region(s) (of 64 asked for" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("render", "scene.xml", "--spp", "2", "-o", "a.exr"), "2/2 spp"),
+        (("compare", "scene.xml", "-t", "stratified", "--rays", "2", "--reference-spp", "16"), "comparing"),
+        (("reproduce", "fig1", "--quick", "--assets", "assets"), "reproducing"),
+    ],
+)
+def test_a_terminal_sees_progress(folder: Path, arguments: tuple[str, ...], words: str) -> None:
+    make_assets(folder / "assets")
+    terminal, end = os.openpty()
+    environment = {**os.environ, "STRATALUX_CACHE": str(folder / "cache"), "COLUMNS": "120", "TERM": "xterm"}
+    command = [sys.executable, "-m", "stratalux", *arguments]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=end, env=environment) as process:
+        os.close(end)
+        seen = b""
+        while True:
+            try:
+                chunk = os.read(terminal, 4096)
+            except OSError:  # the other end is closed
+                break
+            if not chunk:
+                break
+            seen += chunk
+    os.close(terminal)
+    assert process.returncode == 0, seen.decode()
+    assert words in seen.decode() and "left" in seen.decode()
+
+
+@pytest.mark.parametrize("strata", [(), pytest.param(("--strata", "64"), marks=pytest.mark.slow)])
+def test_interruption_keeps_what_is_done(folder: Path, strata: tuple[str, ...]) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "stratalux",
+        "render",
+        "demo",
+        "--size",
+        "300x200",
+        *strata,
+        "--spp",
+        "4096",
+        "-o",
+        "a.exr",
+    ]
+    process = subprocess.Popen(
+        command,
+        cwd=folder,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ,
+        # Where the tests run in a shell's background, the signal is ignored, which a child would inherit.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    )
+    time.sleep(12)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 130, err
+    assert "wrote a.exr" in out and "Traceback" not in err
+    assert 0 < mi.Bitmap(str(folder / "a.exr")).metadata()["spp"] < 4096
+
+
+@pytest.mark.parametrize("mesh", ["happy_buddha.obj", "teapot.obj"])
+def test_real_meshes_in_grace(monkeypatch: pytest.MonkeyPatch, mesh: str) -> None:
+    arguments = (str(asset(f"meshes/{mesh}")), "--env", str(asset("envmaps/grace_latlong.exr")), "--env-rotate", "flip")
+    assert run(monkeypatch, "render", *arguments, "--size", "60x40", "--spp", "2", "-N", "16", "-o", "a.png") == 0
+
+
+def test_matpreview_untouched(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = str(asset("scenes/matpreview/matpreview.xml"))
+    assert run(monkeypatch, "render", scene, "-D", "spp=2", "-D", "width=60", "-D", "height=45", "-o", "a.exr") == 0
+    assert luminance("a.exr") > 0 and mi.Bitmap("a.exr").width() == 60
+
+
+def test_a_few_samples_less_than_asked_for_are_no_interruption() -> None:
+    """Where the samples of a pixel follow its error, their mean comes out near what was asked for."""
+    from types import SimpleNamespace
+
+    from stratalux.cli.render import _watch
+
+    done = SimpleNamespace(spp=63, spp_total=64, camera_rays=1, shadow_rays=1, seconds=1.0)
+    assert _watch(iter([done]), quiet=True) == (done, False)

@@ -1,0 +1,116 @@
+"""The share of each pixel: where the error is, and independent of the pixel's own samples."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from stratalux.integrators.automatic.adaptive import plan_samples
+
+
+def pilot(height: int, width: int, seed: int = 0, parts: int = 4) -> NDArray[np.float32]:
+    """Noise that differs from place to place by orders of magnitude."""
+    rng = np.random.default_rng(seed)
+    spread = np.exp2(3 * np.sin(np.arange(width) / 7) * np.cos(np.arange(height) / 9)[:, None])
+    noise = rng.normal(size=(parts, height, width, 3)) * spread[None, :, :, None]
+    return (100 + noise).astype(np.float32)
+
+
+def plan(
+    images: NDArray[Any],
+    variate: NDArray[Any],
+    dim: float,
+    budget: float,
+    least: int,
+    footprint: int = 0,
+    marks: NDArray[Any] | None = None,
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Counts and shares (H, W) from images (P, H, W, C), and from marks (K, H, W)."""
+    pilot, difference = (mi.TensorXf(np.moveaxis(x, -1, 0).astype(np.float32)) for x in (images, variate))
+    marked = [mi.Float(mark.ravel().astype(np.float32)) for mark in (() if marks is None else marks)]
+    plan = plan_samples(pilot, difference, dim, budget, least, footprint, marked)
+    return plan.counts, plan.share.numpy().reshape(plan.counts.shape)
+
+
+def counts_of(images: NDArray[Any], dim: float, budget: float, least: int) -> NDArray[np.int64]:
+    """Without a variate."""
+    return plan(images, np.zeros_like(images), dim, budget, least)[0]
+
+
+@pytest.mark.parametrize(("height", "width"), [(1, 1), (3, 5), (24, 16), (80, 120)])
+@pytest.mark.parametrize("budget", [4, 16, 100])
+def test_counts_are_powers_of_two_within_the_budget(height: int, width: int, budget: int) -> None:
+    counts = counts_of(pilot(height, width), 0.1, budget, 2)
+    assert counts.shape == (height, width) and counts.min() >= 2
+    assert (counts & (counts - 1) == 0).all()
+    assert 0.6 * budget < counts.mean() < 1.4 * budget
+
+
+def test_samples_go_where_the_error_is() -> None:
+    images = np.full((4, 80, 120, 3), 1.0, dtype=np.float32)
+    images[:, :, 60:] += np.random.default_rng(1).normal(size=(4, 80, 60, 3)) * 0.5
+    counts = counts_of(images, 0.1, 32, 2)
+    assert counts[:, 70:].mean() > 8 * counts[:, :50].mean()
+
+
+def test_noise_stays_on_its_side_of_a_mark() -> None:
+    """Calm pixels beside a noisy shape get no more samples than those far away, if they show another."""
+    images = np.full((4, 80, 120, 3), 1.0, dtype=np.float32)
+    images[:, :, 60:] += np.random.default_rng(1).normal(size=(4, 80, 60, 3)) * 0.5
+    side = np.broadcast_to(np.arange(120) >= 60, (80, 120))
+    marks = np.stack([side, ~side])
+    counts, _ = plan(images, np.zeros_like(images), 0.1, 32, 2, marks=marks)
+    unmarked, _ = plan(images, np.zeros_like(images), 0.1, 32, 2)
+    assert counts[:, 59].mean() < 0.5 * unmarked[:, 59].mean()
+    assert counts[:, 60].mean() > unmarked[:, 60].mean()
+    assert (counts[:, 62:].mean() / counts[:, :58].mean()) > 4
+
+
+def test_black_images_and_images_without_error_are_sampled_evenly() -> None:
+    for value in (0.0, 0.5):
+        counts = counts_of(np.full((4, 40, 30, 3), value, dtype=np.float32), 0.1, 16, 2)
+        assert (counts == 16).all()
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    st.sampled_from([1, 4]),
+    st.integers(0, 63),
+    st.integers(0, 39),
+    st.integers(0, 2),
+    st.sampled_from([0.0, -3.0, 1.0, 1e4, 1e9, 1e15]),
+    st.integers(0, 2**32 - 1),
+    st.booleans(),
+)
+def test_a_count_does_not_depend_on_the_samples_of_its_pixel(
+    parts: int, y: int, x: int, footprint: int, value: float, seed: int, marked: bool
+) -> None:
+    """What makes the image unbiased: not even a firefly in its own pilot changes what a pixel gets."""
+    before = [pilot(64, 40, 3, parts), pilot(64, 40, 4, parts) - 100]
+    after = [images.copy() for images in before]
+    near = np.s_[:, max(0, y - footprint) : y + footprint + 1, max(0, x - footprint) : x + footprint + 1]
+    for images in after:
+        images[near] = value * np.random.default_rng(seed).random(images[near].shape)
+    marks = np.random.default_rng(5).random((2, 64, 40)).round() if marked else None
+    first, second = (plan(*images, 0.1, 16, 2, footprint, marks) for images in (before, after))
+    for a, b in zip(first, second, strict=True):
+        assert a[y, x] == b[y, x]
+
+
+def test_the_share_of_a_variate_is_the_best_one() -> None:
+    """On the left, the variate has the pilot's noise and nothing else; on the right, none of it."""
+    rng = np.random.default_rng(1)
+    for parts in (1, 4):
+        noise, other = rng.normal(size=(2, parts, 80, 120, 3))
+        variate = noise.copy()
+        variate[:, :, 60:] = other[:, :, 60:]
+        _, share = plan(10 + noise, -2 * variate, 0.1, 16, 2)
+        assert share.min() >= 0 and share.max() <= 1
+        assert share[:, :57].mean() == pytest.approx(0.5, abs=0.01)
+        assert share[:, 63:].mean() < 0.1

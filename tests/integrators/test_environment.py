@@ -1,0 +1,107 @@
+"""Tables follow the scene: what ``params.update()`` changes is right in the next render."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import stratalux
+from stratalux import EnvironmentMapWarning, InputError
+from stratalux.integrators.environment import MapCache
+from tests.helpers import assert_same_mean, hall_map, runs, scene_dict, sun_map
+
+OURS = {"type": "direct_stratified", "strata": 16}
+
+
+@pytest.mark.parametrize("variant", ["llvm_ad_rgb", pytest.param("llvm_ad_spectral", marks=pytest.mark.slow)])
+def test_updates_are_followed(variant: str) -> None:
+    mi.set_variant(variant)
+    scene = mi.load_dict(scene_dict("diffuse"))
+    ours = mi.load_dict(OURS)
+    mi.render(scene, integrator=ours, spp=1)
+    params = mi.traverse(scene)
+    other = mi.load_dict({"type": "envmap", "bitmap": mi.Bitmap(hall_map(31, 40)[::-1].copy())})
+    changes: dict[str, Any] = {
+        "sky.data": mi.traverse(other)["data"],
+        "sky.scale": 2.5,
+        "sky.to_world": mi.Transform4f().rotate([1, 0, 0], 140).rotate([0, 0, 1], 20),
+    }
+    for key, value in changes.items():
+        params[key] = value
+        params.update()
+        assert_same_mean(runs(scene, ours, 64, 24, 0), runs(scene, {"type": "direct"}, 512, 24, 10_000))
+
+
+def test_an_edited_texel_is_followed() -> None:
+    """A light appears where there was nothing: tables of the old map would never find it."""
+    texels = hall_map()
+    texels[3:6, 20:24] = 0
+    scene = mi.load_dict(scene_dict("diffuse", texels))
+    ours = mi.load_dict(OURS)
+    before = np.array(mi.render(scene, integrator=ours, spp=64))
+    params = mi.traverse(scene)
+    data = params["sky.data"].numpy().copy()
+    data[4, 22] = 5000
+    params["sky.data"] = mi.TensorXf(data)
+    params.update()
+    after = runs(scene, ours, 64, 24, 0)
+    assert after.mean() > 2 * before.mean()
+    assert_same_mean(after, runs(scene, {"type": "direct"}, 1024, 24, 10_000))
+
+
+def test_tables_are_built_once_for_a_map() -> None:
+    scene = mi.load_dict(scene_dict("diffuse"))
+    built = []
+    cache = MapCache(lambda environment: built.append(environment.texels) or len(built))
+    assert cache.get(scene).tables == 1
+    params = mi.traverse(scene)
+    params["sky.scale"] = 7.0
+    params["sky.to_world"] = mi.Transform4f().rotate([0, 1, 0], 90)
+    params.update()
+    assert cache.get(scene).tables == 1
+    params["sky.data"] = params["sky.data"] * 2
+    params.update()
+    assert cache.get(scene).tables == 2
+    np.testing.assert_allclose(built[1], 2 * built[0])
+    assert cache.get(mi.load_dict({"type": "scene"})) is None
+
+
+def test_one_integrator_renders_many_scenes() -> None:
+    ours = mi.load_dict(OURS)
+    for texels in (hall_map(), sun_map(), hall_map(9, 30)):
+        scene = mi.load_dict(scene_dict("diffuse", texels))
+        fresh = np.array(mi.render(scene, integrator=mi.load_dict(OURS), spp=8))
+        np.testing.assert_allclose(np.array(mi.render(scene, integrator=ours, spp=8)), fresh, rtol=1e-4, atol=1e-6)
+
+
+def test_bad_texels_of_a_scene_are_repaired() -> None:
+    texels = hall_map()
+    texels[4, 4], texels[5, 5] = np.nan, -1
+    scene = mi.load_dict(scene_dict("diffuse", texels))
+    with pytest.warns(EnvironmentMapWarning, match="1 NaN, 1 negative"):
+        image = np.array(mi.render(scene, integrator=mi.load_dict(OURS), spp=16))
+    assert np.isfinite(image).all() and (image >= 0).all()
+
+
+def test_a_black_map_renders_black() -> None:
+    scene = mi.load_dict(scene_dict("roughplastic", np.zeros((16, 32, 3), dtype=np.float32)))
+    image = np.array(mi.render(scene, integrator=mi.load_dict({**OURS, "proposals": 4}), spp=4))
+    assert (image == 0).all()
+
+
+@pytest.mark.parametrize("diagonal", [(1, 2, 1), (1, float("nan"), 1)])
+def test_a_transform_that_is_no_rotation_is_refused(diagonal: tuple[float, float, float]) -> None:
+    description = scene_dict("diffuse")
+    description["sky"]["to_world"] = mi.ScalarTransform4f(np.diag([*diagonal, 1]))
+    with pytest.raises(InputError, match="to_world scales or shears"):
+        stratalux.render(mi.load_dict(description), strata=4)
+
+
+def test_a_mirrored_map_is_right() -> None:
+    description = scene_dict("diffuse")
+    description["sky"]["to_world"] = mi.ScalarTransform4f().rotate([1, 0, 0], 30).scale([1, -1, 1])
+    scene = mi.load_dict(description)
+    assert_same_mean(runs(scene, OURS, 64, 24, 0), runs(scene, {"type": "direct"}, 512, 24, 10_000))

@@ -1,0 +1,94 @@
+"""Passes, metadata and the image at the end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import stratalux
+from stratalux import InputError
+from stratalux.rendering import passes as rendering
+from tests.helpers import scene_dict
+
+
+def scene(**film: object) -> mi.Scene:
+    description = scene_dict("diffuse")
+    description["sensor"]["film"].update(film)
+    return mi.load_dict(description)
+
+
+@pytest.mark.parametrize("pixel_format", ["rgb", "rgba", "luminance"])
+def test_passes_add_up_to_one_image(monkeypatch: pytest.MonkeyPatch, pixel_format: str) -> None:
+    gaussian = scene(rfilter={"type": "gaussian"}, pixel_format=pixel_format)
+    whole = stratalux.render(gaussian, strata=8, spp=8, seed=3)
+    assert whole.spp == whole.spp_total == 8
+    monkeypatch.setattr(rendering, "_SAMPLES_PER_PASS", 2 * 8 * 18 * 12)
+    passes = list(stratalux.render_passes(gaussian, strata=8, spp=7, seed=3))
+    assert [p.spp for p in passes] == [2, 4, 6, 7]
+    # The same film, fed by hand with the same seeds.
+    integrator = mi.load_dict({"type": "direct_stratified", "strata": 8})
+    sums = 0
+    film = gaussian.sensors()[0].film()
+    for k, count in enumerate((2, 2, 2, 1)):
+        integrator.render(gaussian, gaussian.sensors()[0], seed=3 + k, spp=count, develop=False, evaluate=True)
+        sums = sums + np.array(film.develop(raw=True))
+    weight = sums[..., -1:]
+    expected = (sums / weight)[..., :-1]
+    if pixel_format == "luminance":
+        expected = expected[..., :3] @ [[0.212671], [0.715160], [0.072169]]
+    np.testing.assert_allclose(passes[-1].image.reshape(expected.shape), expected, rtol=1e-3, atol=1e-5)
+
+
+def test_the_same_seed_gives_the_same_image() -> None:
+    first, again = (stratalux.render(scene(), strata=8, spp=4, seed=5).image for _ in range(2))
+    np.testing.assert_allclose(first, again, rtol=1e-5, atol=1e-6)
+    other = stratalux.render(scene(), strata=8, spp=4, seed=6).image
+    assert np.abs(first - other).max() > 1e-3
+
+
+def test_leaving_the_loop_keeps_what_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rendering, "_SAMPLES_PER_PASS", 1)
+    for result in stratalux.render_passes(scene(), strata=4, spp=5):
+        if result.spp == 2:
+            break
+    assert result.spp == 2 and result.spp_total == 5
+    assert np.isfinite(result.image).all() and result.image.mean() > 0
+
+
+def test_counts_and_times() -> None:
+    result = stratalux.render(scene(), strata=8, proposals=2, spp=4)
+    assert result.camera_rays == 18 * 12 * 4
+    assert result.shadow_rays == 18 * 12 * 4 * 8
+    assert result.seconds > 0 and result.preparation_seconds > 0 and result.compile_seconds >= 0
+
+
+def test_the_scene_decides_the_samples_unless_told() -> None:
+    assert stratalux.render(scene(), strata=4).spp == 4
+
+
+def test_any_integrator_can_take_part() -> None:
+    result = stratalux.render(scene(), integrator=mi.load_dict({"type": "direct"}), spp=4)
+    assert result.image.shape == (12, 18, 3)
+
+
+def test_metadata_is_in_the_file(tmp_path: Path) -> None:
+    result = stratalux.render(scene(), strata=8, proposals=2, spp=4, seed=9)
+    result.write(tmp_path / "a.exr")
+    metadata = mi.Bitmap(str(tmp_path / "a.exr")).metadata()
+    assert [metadata[key] for key in ("strata", "proposals", "spp", "seed")] == [8, 2, 4, 9]
+    assert metadata["seconds"] == pytest.approx(result.seconds, rel=1e-5)
+    assert stratalux.__version__ in metadata["version"]
+    np.testing.assert_allclose(np.array(mi.Bitmap(str(tmp_path / "a.exr"))), result.image, rtol=1e-6)
+
+
+def test_bad_requests() -> None:
+    with pytest.raises(InputError, match="sensor 3: the scene has 1"):
+        stratalux.render(scene(), sensor=3)
+    with pytest.raises(InputError, match="strata: -1 is too small"):
+        stratalux.render(scene(), strata=-1)
+    mi.set_variant("scalar_rgb")
+    with pytest.raises(InputError, match="vectorised"):
+        stratalux.render(mi.load_dict({"type": "scene"}))
