@@ -42,10 +42,11 @@ test-slow: llvm ## run the statistical tests that take minutes
 bench: llvm ## measure against the best of Mitsuba's own, on an idle machine; ARGS='--suite full' takes an hour
 	$(BIN)/stratalux bench $(ARGS)
 
-lint: install ## ruff and mypy, without changing a file
+lint: install ## ruff, mypy and the order of the layers, without changing a file
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
 
 format: install ## let ruff fix and format the code
 	$(BIN)/ruff check --fix .
