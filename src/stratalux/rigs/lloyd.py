@@ -82,11 +82,13 @@ class _Diagram:
             # The generator's own texel is no place for another one.
             distance = 1 - self.cosine[texels]
             free = (self.energy[texels] > 0) & (distance > COINCIDENT)
-            rank = np.where(free, self.energy[texels] if insert == "brightest" else distance, 0)
-            texel = texels[np.argmax(rank)]
-            if rank.max() > 0 and np.any(1 - self.points[texels] @ self.points[texel] > COINCIDENT):
-                break
-            self.cell_energy[cell] = 0  # one lit texel: closed until the next relaxation
+            if free.any():
+                rank = np.where(free, self.energy[texels] if insert == "brightest" else distance, 0)
+                texel = texels[np.argmax(rank)]
+                if np.any(1 - self.points[texels] @ self.points[texel] > COINCIDENT):
+                    break
+            # One lit texel, or none but a rest of rounding: closed until the next relaxation.
+            self.cell_energy[cell] = 0
         site = self.points[texel]
         cosine = self.points @ site
         won = np.flatnonzero(cosine > self.cosine)
