@@ -43,9 +43,14 @@ def _reference_technique(settings: Settings) -> Pinned:
     return importance_mis(settings.reference_samples // REFERENCE_PASSES)
 
 
-def _row(settings: Settings, strata: int) -> list[Pinned]:
-    limit = settings.balance_limit
-    return [stratified(strata, m) for m in settings.balance_proposals if strata * m <= limit]
+def _cells(settings: Settings) -> dict[tuple[int, int], Pinned]:
+    """The techniques by their row and column."""
+    return {
+        (i, j): stratified(n, m)
+        for i, n in enumerate(settings.balance_strata)
+        for j, m in enumerate(settings.balance_proposals)
+        if n * m <= settings.balance_limit
+    }
 
 
 def balance_work(settings: Settings) -> float:
@@ -53,13 +58,12 @@ def balance_work(settings: Settings) -> float:
     for material in MATERIALS:
         frame = _frame(settings, material)
         total += masks_work() + reference_work(frame, _reference_technique(settings))
-        for strata in settings.balance_strata:
-            total += contest_work(frame, _row(settings, strata), settings.balance_seeds)
+        total += contest_work(frame, list(_cells(settings).values()), settings.balance_seeds)
     return total
 
 
 def balances(study: Study, bench: Workbench) -> list[Balance]:
-    """Measure every cell of the heat maps, a step for each row."""
+    """Measure every cell of the heat maps: those of a map in turn, as their seconds are compared."""
     return [_measure(study, bench, material) for material in MATERIALS]
 
 
@@ -72,11 +76,11 @@ def _measure(study: Study, bench: Workbench, material: str) -> Balance:
     judge = Judge(reference, {"object": thing})
     shape = (len(settings.balance_strata), len(settings.balance_proposals), settings.balance_seeds)
     relmse, seconds = np.full(shape, np.nan), np.full(shape, np.nan)
-    for i, strata in enumerate(settings.balance_strata):
-        name = f"balance-{material}-{strata}"
-        row = contest(study, bench, name, frame, _row(settings, strata), settings.balance_seeds, judge, keep=())
-        for j, outcome in enumerate(row):
-            relmse[i, j], seconds[i, j] = outcome.relmse["object"], outcome.seconds
+    cells = _cells(settings)
+    techniques, seeds = list(cells.values()), settings.balance_seeds
+    outcomes = contest(study, bench, f"balance-{material}", frame, techniques, seeds, judge, keep=())
+    for cell, outcome in zip(cells, outcomes, strict=True):
+        relmse[cell], seconds[cell] = outcome.relmse["object"], outcome.seconds
     # The quickest rendering, as only a disturbance makes one slower: small kernels are easily disturbed.
     error, time = np.median(relmse, axis=2), np.min(seconds, axis=2)
     # Renderings with more seeds average out: error times seconds is constant, and the budget only sets the unit.

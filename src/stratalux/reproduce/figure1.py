@@ -20,8 +20,6 @@ from .verdicts import when
 REGIONS = 64
 _EQUAL = 0.1
 """Energies count as equal if their standard deviation is less than this part of their mean."""
-_FAST_SECONDS = 0.1
-"""What the paper calls fast (section 4)."""
 _WORK = 1.0
 
 
@@ -51,14 +49,6 @@ def run(study: Study, bench: Workbench) -> Section:
             f"{step['solid_angle'] / np.pi:.6f} pi",
             when(step["tiles"] and count == REGIONS),
         ),
-        Claim(
-            "The method is fast",
-            "no figure for 64 regions; 0.10 s for 32 with all preprocessing",
-            f"{1000 * median(seconds):.1f} ms for the cut",
-            when(median(seconds) < _FAST_SECONDS),
-            "Holds if it takes less than the paper's 0.10 s, on a machine of another age. The timings compare both "
-            "sides on this one.",
-        ),
     )
     pictures = ImageSet(
         "Regions on the map",
@@ -76,7 +66,12 @@ def run(study: Study, bench: Workbench) -> Section:
     return Section(
         "fig1",
         ITEM.title,
-        ("Regions are cut along the longer side until there are 64. The picture is turned upright as in the paper.",),
+        (
+            "Regions are cut along the longer side until there are 64. The picture is turned upright as in the paper.",
+            f"The cut takes {1000 * median(seconds):.1f} ms here, the median of {len(seconds)} rounds. The paper calls "
+            "the method fast, with 0.10 s for 32 regions and all preprocessing; seconds on two machines make no "
+            "verdict. The timings compare both methods on this one.",
+        ),
         claims,
         (pictures, numbers),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import Any
@@ -88,6 +88,10 @@ def visibility_costs(
         if progress is not None:
             progress((k + 1) / (rounds + 1))
     hits = int(np.count_nonzero(np.array(active)))
-    samples = max(1, hits * technique.rays)
+    return costs_of(times, max(1, hits * technique.rays), tests)
+
+
+def costs_of(times: Sequence[Sequence[float]], samples: int, tests: float) -> Costs:
+    """From the seconds of every round of three kernels: without tests and surface, without tests, and with both."""
     sample, shaded, tested = (1e9 * median(mine) / samples for mine in times)
     return Costs(sample, shaded - sample, (tested - shaded) / max(tests, 1e-9), tests)
