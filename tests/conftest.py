@@ -7,8 +7,13 @@ from typing import Any
 
 import mitsuba as mi
 import pytest
+from hypothesis import HealthCheck, settings
 
 import stratalux  # noqa: F401  (registers the plugins)
+
+# No example fails for being slow, and none is there because an earlier run had found it.
+settings.register_profile("tests", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("tests")
 
 
 @pytest.fixture(autouse=True)

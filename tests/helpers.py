@@ -19,6 +19,8 @@ from stratalux.cli import main
 
 ALPHA = 1e-3
 """Significance level of every statistical test, for all of its comparisons together (Šidák). Seeds are fixed."""
+PATIENCE = 900.0
+"""Seconds after which what has not happened is taken for a hang. No test measures time: a machine may be very busy."""
 
 
 def asset(name: str) -> Path:

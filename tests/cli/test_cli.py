@@ -5,9 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import drjit as dr
@@ -19,6 +16,7 @@ from stratalux.cli import cli
 from stratalux.integrators.techniques import techniques
 from stratalux.rendering import variants
 from stratalux.rigs import RIGS
+from tests.cli.terminal import Terminal
 from tests.helpers import asset, hall_map, run
 from tests.reproduce.data import make_assets
 
@@ -200,8 +198,8 @@ def test_an_interrupted_reproduction_says_how_to_go_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], folder: Path
 ) -> None:
     def interrupt(*arguments: object, **options: object) -> None:
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(5)
+        os.kill(os.getpid(), signal.SIGINT)  # the handler has run when this returns, and it does not
+        pytest.fail("the signal was lost")
 
     monkeypatch.setattr("stratalux.reproduce.run.write_all", interrupt)
     assert run(monkeypatch, "reproduce", "fig1", "--quick", "--assets", str(make_assets(folder / "assets"))) == 130
@@ -370,56 +368,20 @@ def test_a_black_map_renders_black(monkeypatch: pytest.MonkeyPatch, capfd: pytes
 )
 def test_a_terminal_sees_progress(folder: Path, arguments: tuple[str, ...], words: str) -> None:
     make_assets(folder / "assets")
-    terminal, end = os.openpty()
-    environment = {**os.environ, "STRATALUX_CACHE": str(folder / "cache"), "COLUMNS": "120", "TERM": "xterm"}
-    command = [sys.executable, "-m", "stratalux", *arguments]
-    with subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=end, env=environment) as process:
-        os.close(end)
-        seen = b""
-        while True:
-            try:
-                chunk = os.read(terminal, 4096)
-            except OSError:  # the other end is closed
-                break
-            if not chunk:
-                break
-            seen += chunk
-    os.close(terminal)
-    assert process.returncode == 0, seen.decode()
-    assert words in seen.decode() and "left" in seen.decode()
+    with Terminal(folder, *arguments, STRATALUX_CACHE=str(folder / "cache")) as terminal:
+        assert terminal.finish() == 0, terminal.seen
+    assert words in terminal.seen and "left" in terminal.seen
 
 
 @pytest.mark.parametrize("strata", [(), pytest.param(("--strata", "64"), marks=pytest.mark.slow)])
 def test_interruption_keeps_what_is_done(folder: Path, strata: tuple[str, ...]) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "stratalux",
-        "render",
-        "demo",
-        "--size",
-        "300x200",
-        *strata,
-        "--spp",
-        "4096",
-        "-o",
-        "a.exr",
-    ]
-    process = subprocess.Popen(
-        command,
-        cwd=folder,
-        stderr=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=os.environ,
-        # Where the tests run in a shell's background, the signal is ignored, which a child would inherit.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
-    )
-    time.sleep(12)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=120)
-    assert process.returncode == 130, err
-    assert "wrote a.exr" in out and "Traceback" not in err
+    """Ctrl-C once the terminal tells of samples: they are in the file, and it is no error."""
+    size = ("--size", "600x400", "--spp", "4096")  # minutes: it is not done by itself before it is stopped
+    with Terminal(folder, "render", "demo", *size, *strata, "-o", "a.exr") as terminal:
+        terminal.wait_for(r"\b[1-9]\d*/4096 spp")
+        terminal.process.send_signal(signal.SIGINT)
+        assert terminal.finish() == 130, terminal.seen
+    assert "wrote a.exr" in terminal.out.read_text() and "Traceback" not in terminal.seen
     assert 0 < mi.Bitmap(str(folder / "a.exr")).metadata()["spp"] < 4096
 
 

@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from tests.helpers import scene_dict
+from tests.helpers import PATIENCE, scene_dict
 
 RENDER = (
     "scene = mi.load_dict({'type': 'scene', 'i': {'type': 'direct_stratified', 'strata': 4}, 's': {'type': 'sphere'},"
@@ -20,7 +20,8 @@ RENDER = (
 
 
 def run(program: str) -> None:
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False)
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.returncode == 0, done.stderr
 
 

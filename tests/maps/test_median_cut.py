@@ -30,7 +30,7 @@ def owners(regions: Regions) -> NDArray[np.int64]:
 
 
 @given(texels, st.integers(1, 70))
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=200)
 def test_regions_tile_the_map(array: NDArray[np.float32], n: int) -> None:
     environment = EnvironmentMap(array)
     regions = median_cut(environment, n)
@@ -46,7 +46,7 @@ def test_regions_tile_the_map(array: NDArray[np.float32], n: int) -> None:
 
 
 @given(texels, st.integers(1, 40), st.integers(-20, 20))
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=100)
 def test_scaling_changes_nothing(array: NDArray[np.float32], n: int, exponent: int) -> None:
     scaled = EnvironmentMap(np.ldexp(array, exponent))
     regions, others = median_cut(EnvironmentMap(array), n), median_cut(scaled, n)
@@ -55,7 +55,7 @@ def test_scaling_changes_nothing(array: NDArray[np.float32], n: int, exponent: i
 
 
 @given(texels, st.integers(0, 16))
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=100)
 def test_rolling_rolls_the_cells_and_nothing_else(array: NDArray[np.float32], k: int) -> None:
     energy = EnvironmentMap(array).cell_energy
     rolled = EnvironmentMap(np.roll(array, k, axis=1))

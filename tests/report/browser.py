@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import shutil
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-PATIENCE = 5.0
-"""Seconds until what should happen has happened."""
+from tests.helpers import PATIENCE
 
 _PIXEL = """
 const [x, y, pane] = arguments;
@@ -35,7 +33,10 @@ def start() -> Any:
     for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars"):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    return webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    started = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    started.set_script_timeout(PATIENCE)
+    started.set_page_load_timeout(PATIENCE)
+    return started
 
 
 class Browser:
@@ -67,10 +68,9 @@ class Browser:
         )
 
     def wait(self, happened: Callable[[], Any]) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while not happened():
-            assert time.monotonic() < deadline, "has not happened"
-            time.sleep(0.02)
+        from selenium.webdriver.support.wait import WebDriverWait
+
+        WebDriverWait(self.driver, PATIENCE, poll_frequency=0.02).until(lambda _: happened())
 
     def find(self, selector: str) -> Any:
         return self.driver.find_element("css selector", selector)

@@ -30,7 +30,7 @@ def test_points_are_distinct_and_nest() -> None:
 
 
 @given(st.floats(200, 4000))
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25)
 def test_count_follows_importance(points: float) -> None:
     density = uniform((65, 128), points)
     assert len(tiling_points(density, 1.0)) == pytest.approx(points, rel=0.1)

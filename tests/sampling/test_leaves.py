@@ -46,7 +46,7 @@ def test_energies_are_equal(texels: NDArray[np.float32], depth: int) -> None:
     np.testing.assert_allclose(found, found.mean(), rtol=1e-6)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.integers(3, 12), st.integers(2, 17), st.integers(0, 8), st.integers(0, 2**32 - 1), st.floats(0, 8))
 def test_leaves_tile_the_map(height: int, width: int, depth: int, seed: int, contrast: float) -> None:
     random = np.random.default_rng(seed)

@@ -78,7 +78,7 @@ def test_black_images_and_images_without_error_are_sampled_evenly() -> None:
         assert (counts == 16).all()
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(
     st.sampled_from([1, 4]),
     st.integers(0, 63),
