@@ -9,7 +9,7 @@ import mitsuba as mi
 import pytest
 from numpy.typing import NDArray
 
-from tests.helpers import assert_same_mean, runs, scene_dict
+from tests.helpers import assert_same_mean, direct, runs, scene_dict
 
 RUNS = 32
 AUTOMATIC = {"type": "direct_stratified"}
@@ -26,15 +26,15 @@ BSDFS: dict[str, dict[str, Any]] = {
 }
 
 
-def scene(name: str) -> mi.Scene:
+def scene(name: str) -> dict[str, Any]:
     description = scene_dict("diffuse")
     description["ball"]["bsdf"] = BSDFS[name]
-    return mi.load_dict(description)
+    return description
 
 
 @cache
-def direct(name: str) -> NDArray[Any]:
-    return runs(scene(name), {"type": "direct", "emitter_samples": 2, "bsdf_samples": 2}, 1024, RUNS, 10_000)
+def reference(name: str) -> NDArray[Any]:
+    return direct(scene(name), 512, bsdf_samples=2)
 
 
 @pytest.mark.parametrize("ours", [AUTOMATIC, PINNED], ids=["automatic", "pinned"])
@@ -42,4 +42,4 @@ def direct(name: str) -> NDArray[Any]:
     "name", ["cut-out plastic", *(pytest.param(name, marks=pytest.mark.slow) for name in list(BSDFS)[1:])]
 )
 def test_same_mean_as_direct(name: str, ours: dict[str, Any]) -> None:
-    assert_same_mean(runs(scene(name), ours, 64, RUNS, 0), direct(name))
+    assert_same_mean(runs(mi.load_dict(scene(name)), ours, 64, RUNS, 0), reference(name))

@@ -11,21 +11,24 @@ import pytest
 from numpy.typing import NDArray
 
 from stratalux import render
-from tests.helpers import MATERIALS, assert_same_mean, asset, hall_map, reference, runs, scene_dict, sun_map
+from tests.helpers import (
+    MATERIALS,
+    assert_same_mean,
+    asset,
+    direct,
+    hall_map,
+    lamp,
+    reference,
+    runs,
+    scene_dict,
+    sun_map,
+)
 
 RUNS = 32
 SLOW = pytest.mark.slow
 MAPS = ("venice", "studio", "forest", "night", "sky", "apartment", "warehouse")
 OURS = {"type": "direct_stratified"}
 SMOOTH = ["diffuse", "roughplastic", "roughconductor"]
-
-
-def lamp() -> dict[str, Any]:
-    return {
-        "type": "rectangle",
-        "to_world": mi.ScalarTransform4f().translate([-1.5, 2, 1.5]).rotate([1, 0, 0], 90).scale(0.4),
-        "emitter": {"type": "area", "radiance": {"type": "rgb", "value": [6, 4, 2]}},
-    }
 
 
 def scene(material: str = "diffuse", sampler: str = "independent", **more: Any) -> mi.Scene:
@@ -43,34 +46,33 @@ def scene(material: str = "diffuse", sampler: str = "independent", **more: Any) 
     ],
 )
 def test_same_mean_as_direct(material: str, sampler: str) -> None:
-    spp = 2048 if material == "roughconductor" else 64  # its dark pixels get their light from rare events
+    spp = 128 if material == "roughconductor" else 64  # its dark pixels get their light from rare events
     assert_same_mean(runs(scene(material, sampler), OURS, spp, RUNS, seed=0), reference(material))
 
 
 @pytest.mark.parametrize("spp", [1, pytest.param(3, marks=SLOW)])
 def test_few_samples(spp: int) -> None:
-    images = runs(scene("roughplastic", "multijitter"), OURS, spp, 32 * RUNS, seed=0)
+    images = runs(scene("roughplastic", "multijitter"), OURS, spp, 26 * RUNS, seed=0)
     assert_same_mean(images.reshape(RUNS, -1, *images.shape[1:]).mean(axis=1), reference("roughplastic"))
 
 
 @pytest.mark.parametrize("material", [pytest.param("diffuse", marks=SLOW), "roughplastic"])
 def test_a_sun(material: str) -> None:
-    lit = scene(material, texels=sun_map())
-    assert_same_mean(runs(lit, OURS, 128, RUNS, 0), runs(lit, {"type": "direct"}, 2048, RUNS, 10_000))
+    ours = runs(scene(material, texels=sun_map()), OURS, 128, RUNS, 0)
+    assert_same_mean(ours, direct(scene_dict(material, sun_map())))
 
 
 @pytest.mark.parametrize("material", ["plastic", *(pytest.param(m, marks=SLOW) for m in ("diffuse", "roughconductor"))])
 def test_with_an_area_light(material: str) -> None:
-    lit = scene(material, lamp=lamp())
-    assert_same_mean(runs(lit, OURS, 128, RUNS, 0), runs(lit, {"type": "direct"}, 2048, RUNS, 10_000))
+    ours = runs(scene(material, lamp=lamp()), OURS, 128, RUNS, 0)
+    assert_same_mean(ours, reference(material, lit_by_lamp=True))
 
 
 @pytest.mark.parametrize("variant", ["llvm_ad_mono", pytest.param("llvm_ad_spectral", marks=SLOW)])
 def test_other_variants(variant: str) -> None:
     mi.set_variant(variant)
-    lit = scene("roughconductor")
     # Dark pixels get their light from rare events: many runs, so that some have them.
-    assert_same_mean(runs(lit, OURS, 16, 8 * RUNS, 0), runs(lit, {"type": "direct"}, 1024, RUNS, 10_000))
+    assert_same_mean(runs(scene("roughconductor"), OURS, 16, 2 * RUNS, 0), reference("roughconductor"))
 
 
 def test_instances() -> None:
@@ -84,25 +86,25 @@ def test_instances() -> None:
             "of": {"type": "ref", "id": "group"},
         },
     }
-    lit = scene("diffuse", **more)
-    assert_same_mean(runs(lit, OURS, 128, RUNS, 0), runs(lit, {"type": "direct"}, 2048, RUNS, 10_000))
+    ours = runs(scene("diffuse", **more), OURS, 128, RUNS, 0)
+    assert_same_mean(ours, direct(scene_dict("diffuse", **more)))
 
 
-def close_up() -> mi.Scene:
+def close_up() -> dict[str, Any]:
     """A spot of the floor beside the ball: no noise but that of the light."""
     description = scene_dict("diffuse")
     description["sensor"]["to_world"] = mi.ScalarTransform4f().look_at([1, 2, 5], [0.2, -1, 1.2], [0, 1, 0])
     description["sensor"]["fov"] = 0.01
-    return mi.load_dict(description)
+    return description
 
 
 def test_launches_go_on_with_the_strata(monkeypatch: pytest.MonkeyPatch) -> None:
     """Several launches of one render are unbiased and, together, as well stratified as a single one."""
-    whole = close_up()
+    whole = mi.load_dict(close_up())
     at_once = runs(whole, OURS, 64, 2 * RUNS, 0)
     monkeypatch.setattr("stratalux.integrators.automatic.image.LAUNCH", 24 * 16 * 16)
     in_parts = runs(whole, OURS, 64, 2 * RUNS, 50_000)
-    assert_same_mean(in_parts, runs(whole, {"type": "direct", "emitter_samples": 4}, 1024, RUNS, 10_000))
+    assert_same_mean(in_parts, direct(close_up(), emitter_samples=4))
     assert in_parts.var(axis=0).mean() < 1.2 * at_once.var(axis=0).mean()
 
 
@@ -111,12 +113,11 @@ def test_filters_wider_than_a_pixel(rfilter: str) -> None:
     """Samples count in several pixels, which have unequal numbers of them."""
     description = scene_dict("roughplastic")
     description["sensor"]["film"]["rfilter"] = {"type": rfilter}
-    lit = mi.load_dict(description)
-    assert_same_mean(runs(lit, OURS, 32, 2 * RUNS, 0), runs(lit, {"type": "direct"}, 2048, RUNS, 10_000))
+    assert_same_mean(runs(mi.load_dict(description), OURS, 32, 2 * RUNS, 0), direct(description))
 
 
 def test_strata_beat_the_same_number_of_samples_of_the_paper_scheme() -> None:
-    lit = close_up()
+    lit = mi.load_dict(close_up())
     variance = {
         name: runs(lit, {"type": "direct_stratified", **pinned}, 16, 32, 0).var(axis=0).mean()
         for name, pinned in (("ours", {}), ("paper", {"strata": 8}))
@@ -214,7 +215,7 @@ def test_proposals_follow_the_map() -> None:
 @pytest.mark.parametrize("material", ["roughplastic", pytest.param("roughconductor", marks=SLOW)])
 def test_same_mean_with_many_proposals(material: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stratalux.integrators.automatic.lobes._power_of_two", lambda *_: 4)
-    spp = 2048 if material == "roughconductor" else 64
+    spp = 128 if material == "roughconductor" else 64
     assert_same_mean(runs(scene(material, "multijitter"), OURS, spp, RUNS, seed=0), reference(material))
 
 
@@ -241,6 +242,4 @@ def test_real_maps(name: str, material: str) -> None:
     )
     description = scene_dict("diffuse", texels)
     description["ball"]["bsdf"] = named(material)
-    lit = mi.load_dict(description)
-    direct = {"type": "direct", "emitter_samples": 2, "bsdf_samples": 2}
-    assert_same_mean(runs(lit, OURS, 256, RUNS, 0), runs(lit, direct, 2048, RUNS, 10_000))
+    assert_same_mean(runs(mi.load_dict(description), OURS, 256, RUNS, 0), direct(description, bsdf_samples=2))
