@@ -8,6 +8,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..sampling.recording import no_garbage_collection
 from .environment import MapLight
 
 
@@ -42,9 +43,10 @@ class DirectIntegrator(mi.SamplingIntegrator):
         active: mi.Bool | bool = True,
     ) -> tuple[mi.Spectrum, mi.Bool, list[mi.Float]]:
         """Radiance along ``ray``, whether it hit something, and no AOVs (Mitsuba's integrator interface)."""
-        prepared = self.prepare(scene)
-        others = OtherEmitters(scene, prepared is not None)
-        return *self.radiance(scene, prepared, others, sampler, ray, active), []
+        with no_garbage_collection():
+            prepared = self.prepare(scene)
+            others = OtherEmitters(scene, prepared is not None)
+            return *self.radiance(scene, prepared, others, sampler, ray, active), []
 
     def radiance(
         self,

@@ -1,4 +1,4 @@
-"""Dr.Jit code that is traced and compiled once, and replayed from then on."""
+"""Dr.Jit code that is traced: without Python's garbage collector, and once only where it can be replayed."""
 
 from __future__ import annotations
 
@@ -26,15 +26,21 @@ def recorded(function: Function, **options: Any) -> Function:
         variant = mi.variant()
         if variant not in recordings:
             recordings[variant] = dr.freeze(function, **{"warn_after": 1 << 30, **options})
-        with _no_garbage_collection():
+        with no_garbage_collection():
             return recordings[variant](*arguments)
 
     return call  # type: ignore[return-value]
 
 
 @contextmanager
-def _no_garbage_collection() -> Iterator[None]:
-    """A scene that is freed while a function is recorded aborts the process (Dr.Jit 1.5.0)."""
+def no_garbage_collection() -> Iterator[None]:
+    """While Dr.Jit traces, no scene of the past may be freed: that aborts the process (Dr.Jit 1.5.0).
+
+    A method is compiled as a function of one kind if a single object of its class is known, and of another kind if
+    there are several. If one kernel calls it before and after the other objects are freed, both kinds come out alike,
+    with one name: LLVM ends with "invalid redefinition of function". And what is freed while :func:`drjit.freeze`
+    records ends with "this function cannot be recorded".
+    """
     enabled = gc.isenabled()
     gc.disable()
     try:
