@@ -10,3 +10,7 @@ class InputError(ValueError):
 
 class CacheWarning(UserWarning):
     """A file of the cache cannot be read or written; the work is done without it."""
+
+
+class EnvironmentMapWarning(UserWarning):
+    """Something in a map was repaired or is unusual."""

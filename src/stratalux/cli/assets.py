@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from ..assets import ASSETS, Asset, Assets
 from .output import write_json
+from .progress import console, progress_bar
 
 _FOLDER = click.option("--assets", "folder", metavar="DIR", help="Look there first; what is fetched goes there.")
 
@@ -33,6 +30,8 @@ def assets(ctx: click.Context, folder: str | None, as_json: bool) -> None:
       stratalux assets fetch grace teapot --assets data
       stratalux assets --json | jq '.assets[] | select(.status == "missing").name'
     """
+    from rich.table import Table
+
     ctx.obj = folder
     if ctx.invoked_subcommand is not None:
         if as_json:
@@ -48,8 +47,7 @@ def assets(ctx: click.Context, folder: str | None, as_json: bool) -> None:
     for row in rows:
         size = f"{row['size'] / 1e6:.1f} MB"
         table.add_row(row["name"], row["status"], size, row["owner"], row["terms"], row["what"], row["path"] or "-")
-    wide = None if sys.stdout.isatty() else 1000  # a pipe gets one line for each
-    Console(width=wide, highlight=False, markup=False).print(table)
+    console(1000, markup=False).print(table)  # a pipe gets one line for each
     missing = [row for row in rows if row["path"] is None]
     if names := [row["name"] for row in missing if row["automatic"]]:
         click.echo(f"stratalux assets fetch: downloads {', '.join(names)}")
@@ -84,8 +82,10 @@ def fetch(outer: str | None, names: tuple[str, ...], folder: str | None) -> None
 
 
 def _fetch(lookup: Assets, name: str) -> str:
+    from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bars:
+    with progress_bar(*columns, transient=True) as bars:
         task = bars.add_task("", start=True)
         path = lookup.fetch(
             name, lambda file, done, total: bars.update(task, description=file, completed=done, total=total)

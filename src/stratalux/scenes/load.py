@@ -14,53 +14,51 @@ from ..errors import InputError
 from ..images.files import one_line
 from ..integrators.environment import image_emitter
 from ..maps.envmap import EnvironmentMap
+from ..settings import documented
 from .demo import demo_scene
 from .materials import material as material_by_name
 from .mesh import FORMATS, load_mesh
+from .settings import CameraSettings, SceneSettings
 from .stage import stage
 
+USUAL_SIZE = (600, 400)
 ENVIRONMENT_PLUGINS = ("envmap", "constant", "sunsky", "sky", "sun")
 
 
-def load_scene(
-    source: str | Path,
-    *,
-    environment: str | Path | EnvironmentMap | None = None,
-    rotate: tuple[float, float, float] = (0, 0, 0),
-    scale: float = 1.0,
-    material: str = "diffuse",
-    up: str | None = None,
-    size: tuple[int, int] | None = None,
-    parameters: Mapping[str, str] | None = None,
-) -> mi.Scene:
+@documented(SceneSettings, CameraSettings, without=("source",))
+def load_scene(source: str | Path | SceneSettings, camera: CameraSettings | None = None, **settings: Any) -> mi.Scene:
     """Load ``source``: a Mitsuba XML file, a mesh, or ``"demo"``.
 
-    A mesh is framed on a ground plane in ``material``, and needs an ``environment`` map; elsewhere the map replaces the
-    scene's own, in its orientation. ``rotate``: degrees about the world's x, y and z axes, in that order, and
-    ``scale``: both on top of what the scene says. ``up``: axis of the mesh file that points up. ``size``: (width,
+    A mesh is framed on a ground plane in ``material``, and needs an ``environment``: the file of a map, or an
+    :class:`EnvironmentMap`. Elsewhere the map replaces the scene's own, in its orientation. ``rotate`` (degrees about
+    the world's x, y and z axes, in that order) and ``scale`` come on top of what the scene says. ``size``: (width,
     height) of the film in pixels. ``parameters``: values of ``$name`` in the XML file.
 
     Raises :class:`InputError` with one line that says what is wrong.
     """
-    if isinstance(environment, (str, Path)):
+    if not isinstance(source, SceneSettings):
+        seen = {name: settings.pop(name) for name in ("size", "sensor") if name in settings}
+        source, camera = SceneSettings(str(source), **settings), camera or CameraSettings(**seen)
+    size = camera.size if camera else None
+    environment = source.environment
+    if isinstance(environment, str):
         environment = EnvironmentMap.load(environment)
-    source = Path(source)
-    suffix = source.suffix.lower()
-    if str(source) == "demo":
+    path = Path(source.source)
+    suffix = path.suffix.lower()
+    if source.source == "demo":
         emitter = None if environment is None else envmap(environment)
-        scene = mi.load_dict(demo_scene(size or (600, 400), emitter=emitter))
+        scene = mi.load_dict(demo_scene(size or USUAL_SIZE, emitter=emitter))
     elif suffix == ".xml":
-        scene = _load_xml(source, environment, size, parameters or {})
+        scene = _load_xml(path, environment, size, source.definitions)
     elif suffix in FORMATS:
         if environment is None:
-            raise InputError(f"{source}: a mesh brings no light; give an environment map with --env MAP")
-        scene = mi.load_dict(
-            stage(load_mesh(source, up), material_by_name(material), envmap(environment), size or (600, 400))
-        )
+            raise InputError(f"{path}: a mesh brings no light; give an environment map with --env MAP")
+        mesh = load_mesh(path, source.up)
+        scene = mi.load_dict(stage(mesh, material_by_name(source.material), envmap(environment), size or USUAL_SIZE))
     else:
         known = ", ".join((".xml", *sorted(FORMATS)))
-        raise InputError(f"{source}: unknown kind of scene; give {known}, or demo")
-    _orient(scene, rotate, scale)
+        raise InputError(f"{path}: unknown kind of scene; give {known}, or demo")
+    _orient(scene, source.rotate, source.scale)
     return scene
 
 
