@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import click
 
 from ..assets import ASSETS, Asset, Assets
+from ..errors import InputError
 from .output import write_json
 from .progress import console, progress_bar
 
@@ -48,12 +50,8 @@ def assets(ctx: click.Context, folder: str | None, as_json: bool) -> None:
         size = f"{row['size'] / 1e6:.1f} MB"
         table.add_row(row["name"], row["status"], size, row["owner"], row["terms"], row["what"], row["path"] or "-")
     console(1000, markup=False).print(table)  # a pipe gets one line for each
-    missing = [row for row in rows if row["path"] is None]
-    if names := [row["name"] for row in missing if row["automatic"]]:
+    if names := [row["name"] for row in rows if row["path"] is None]:
         click.echo(f"stratalux assets fetch: downloads {', '.join(names)}")
-    for row in missing:
-        if not row["automatic"]:
-            click.echo(f"{row['name']}: {row['by_hand']}")
 
 
 @assets.command()
@@ -64,20 +62,23 @@ def fetch(outer: str | None, names: tuple[str, ...], folder: str | None) -> None
     """Download assets, all without NAME, and say whose they are and on which terms. What is there stays.
 
     Needs the extra stratalux[assets]. Files come from public repositories at a fixed commit, must have the SHA-256 of
-    those that were measured with, and go to ~/.cache/stratalux/assets, or to --assets.
+    those that were measured with, and go to ~/.cache/stratalux/assets, or to --assets, which is made if need be.
 
     \b
     Examples:
       stratalux assets fetch
       stratalux assets fetch grace teapot
     """
-    lookup = Assets(folder or outer)
+    place = folder or outer
+    if place is not None and not Path(place).exists():
+        try:
+            Path(place).mkdir()
+        except OSError as error:
+            raise InputError(f"{place}: cannot be made ({error.strerror or error}); name another folder") from None
+    lookup = Assets(place)
     for name in names or ASSETS:
         asset = ASSETS[name]
         click.echo(f"{name}: {asset.what}; by {asset.owner}, {asset.source}; terms: {asset.terms}")
-        if not names and not asset.automatic and lookup.find(name) is None:
-            click.echo(f"  {lookup.by_hand(name)}")
-            continue
         click.echo(f"  {_fetch(lookup, name)}")
 
 
@@ -104,8 +105,6 @@ def _describe(lookup: Assets, asset: Asset) -> dict[str, Any]:
         "size": asset.size,
         "status": "missing" if found is None else "as measured" if found.as_measured else "differs",
         "path": None if found is None else str(found.path),
-        "automatic": asset.automatic,
-        "by_hand": None if asset.automatic else lookup.by_hand(asset.name),
         "files": [
             {"file": file.file, "sha256": file.sha256, "size": file.size, "url": file.url} for file in asset.files
         ],
