@@ -14,3 +14,7 @@ class CacheWarning(UserWarning):
 
 class EnvironmentMapWarning(UserWarning):
     """Something in a map was repaired or is unusual."""
+
+
+class SceneWarning(UserWarning):
+    """Something that a scene's file says is not shown, or was replaced or repaired."""

@@ -9,7 +9,7 @@ from importlib import import_module
 
 import click
 
-from ..errors import CacheWarning, EnvironmentMapWarning, InputError
+from ..errors import CacheWarning, EnvironmentMapWarning, InputError, SceneWarning
 
 COMMANDS = {
     "render": "Render a scene, a mesh or the demo.",
@@ -113,5 +113,5 @@ def _show_warning(
     file: object = None,
     line: str | None = None,
 ) -> None:
-    if issubclass(category, (EnvironmentMapWarning, CacheWarning)):
+    if issubclass(category, (EnvironmentMapWarning, SceneWarning, CacheWarning)):
         print(f"stratalux: warning: {message}", file=sys.stderr)

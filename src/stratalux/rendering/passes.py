@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..images.files import write_image
 from ..integrators.techniques import Value, parse_technique
-from ..scenes.load import load_scene
+from ..scenes.load import load
 from ..settings import documented
 from .settings import GROUPS, METADATA, MachineSettings, PictureSettings, SamplingSettings
 from .variants import choose_variant, why_not
@@ -104,7 +104,10 @@ def render_passes(
     shown = picture.scene
     if shown is not None:
         picture = replace(picture, machine=activate(picture.machine))
-        scene = load_scene(shown, picture.camera)
+        loaded = load(shown, picture.camera)
+        scene = loaded.scene
+        if loaded.hide_emitters:
+            picture = replace(picture, sampling=replace(picture.sampling, hide_emitters=True))
     return _render_passes(scene, picture, integrator)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +11,17 @@ import mitsuba as mi
 import numpy as np
 
 from ..errors import InputError
-from ..images.files import one_line
 from ..integrators.environment import image_emitter
 from ..maps.envmap import EnvironmentMap
 from ..settings import documented
 from .demo import demo_scene
 from .materials import material as material_by_name
 from .mesh import FORMATS, load_mesh
+from .mitsuba_xml import load_xml
 from .settings import CameraSettings, SceneSettings
 from .stage import stage
 
 USUAL_SIZE = (600, 400)
-ENVIRONMENT_PLUGINS = ("envmap", "constant", "sunsky", "sky", "sun")
 
 
 @documented(SceneSettings, CameraSettings, without=("source",))
@@ -39,79 +38,45 @@ def load_scene(source: str | Path | SceneSettings, camera: CameraSettings | None
     if not isinstance(source, SceneSettings):
         seen = {name: settings.pop(name) for name in ("size", "sensor") if name in settings}
         source, camera = SceneSettings(str(source), **settings), camera or CameraSettings(**seen)
-    size = camera.size if camera else None
-    environment = source.environment
+    return load(source, camera or CameraSettings()).scene
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A scene, and what its file says besides: ``hide_emitters``, of the integrator that is replaced."""
+
+    scene: mi.Scene
+    hide_emitters: bool = False
+
+
+def load(shown: SceneSettings, camera: CameraSettings) -> Loaded:
+    """The same from settings, with what the file says that is no part of a scene; see :func:`load_scene`."""
+    environment = shown.environment
     if isinstance(environment, str):
         environment = EnvironmentMap.load(environment)
-    path = Path(source.source)
+    emitter = None if environment is None else envmap(environment)
+    path, size = Path(shown.source), camera.size or USUAL_SIZE
     suffix = path.suffix.lower()
-    if source.source == "demo":
-        emitter = None if environment is None else envmap(environment)
-        scene = mi.load_dict(demo_scene(size or USUAL_SIZE, emitter=emitter))
+    hide_emitters = False
+    if shown.source == "demo":
+        scene = mi.load_dict(demo_scene(size, emitter=emitter))
     elif suffix == ".xml":
-        scene = _load_xml(path, environment, size, source.definitions)
+        bitmap = emitter and emitter["bitmap"]
+        scene, hide_emitters = load_xml(path, bitmap, camera.size, shown.definitions)
     elif suffix in FORMATS:
-        if environment is None:
+        if emitter is None:
             raise InputError(f"{path}: a mesh brings no light; give an environment map with --env MAP")
-        mesh = load_mesh(path, source.up)
-        scene = mi.load_dict(stage(mesh, material_by_name(source.material), envmap(environment), size or USUAL_SIZE))
+        scene = mi.load_dict(stage(load_mesh(path, shown.up), material_by_name(shown.material), emitter, size))
     else:
         known = ", ".join((".xml", *sorted(FORMATS)))
         raise InputError(f"{path}: unknown kind of scene; give {known}, or demo")
-    _orient(scene, source.rotate, source.scale)
-    return scene
+    _orient(scene, shown.rotate, shown.scale)
+    return Loaded(scene, hide_emitters)
 
 
 def envmap(environment: EnvironmentMap) -> dict[str, Any]:
     """The Mitsuba emitter of a map, as a dictionary."""
     return {"type": "envmap", "bitmap": mi.Bitmap(environment.texels)}
-
-
-def _load_xml(
-    path: Path, environment: EnvironmentMap | None, size: tuple[int, int] | None, parameters: Mapping[str, str]
-) -> mi.Scene:
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; give a Mitsuba scene, a mesh, or demo")
-    config = mi.parser.ParserConfig(mi.variant())
-    outer = mi.file_resolver()
-    inner = mi.FileResolver(outer)
-    inner.prepend(str(path.resolve().parent))  # files are named relative to the scene
-    mi.set_file_resolver(inner)
-    try:
-        state = mi.parser.parse_file(config, str(path.resolve()), **parameters)
-        mi.parser.transform_all(config, state)
-        for node in state.nodes:
-            if node.type == mi.ObjectType.Film and size is not None:
-                node.props["width"], node.props["height"] = size
-        if environment is not None:
-            _put_environment(state, environment)
-        scene = mi.parser.instantiate(config, state)
-    except (RuntimeError, ValueError, TypeError) as error:
-        raise InputError(f"{path}: {one_line(error)}") from None
-    finally:
-        mi.set_file_resolver(outer)
-    scene = scene[0] if isinstance(scene, (list, tuple)) else scene
-    if not isinstance(scene, mi.Scene):
-        raise InputError(f"{path}: holds a {type(scene).__name__}, not a scene")
-    if not scene.sensors():
-        raise InputError(f"{path}: the scene has no sensor; add one")
-    return scene
-
-
-def _put_environment(state: mi.parser.ParserState, environment: EnvironmentMap) -> None:
-    """Replace the environment emitter of a parsed scene, keeping its orientation and scale, or add one."""
-    for node in state.nodes:
-        if node.type == mi.ObjectType.Emitter and node.props.plugin_name() in ENVIRONMENT_PLUGINS:
-            props = mi.Properties("envmap")
-            props.set_id(node.props.id())
-            if node.props.plugin_name() == "envmap":
-                for name in ("to_world", "scale", "mis_compensation"):
-                    if name in node.props:
-                        props[name] = node.props[name]
-            props["bitmap"] = mi.Bitmap(environment.texels)
-            node.props = props
-            return
-    state.root.props["environment"] = mi.load_dict(envmap(environment))
 
 
 def _orient(scene: mi.Scene, rotate: tuple[float, float, float], scale: float) -> None:
