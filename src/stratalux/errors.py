@@ -10,3 +10,7 @@ class InputError(ValueError):
 
 class CacheWarning(UserWarning):
     """A file of the cache cannot be read or written; the work is done without it."""
+
+
+class SceneWarning(UserWarning):
+    """Something that a mesh or a scene file says is left out of the scene, replaced, or guessed."""

@@ -7,7 +7,7 @@ import warnings
 
 import click
 
-from ..errors import CacheWarning, InputError
+from ..errors import CacheWarning, InputError, SceneWarning
 from ..maps.envmap import EnvironmentMapWarning
 from . import assets, bench, compare, completion, doctor, render, reproduce, rig, stratify, techniques
 
@@ -78,5 +78,5 @@ def _show_warning(
     file: object = None,
     line: str | None = None,
 ) -> None:
-    if issubclass(category, (EnvironmentMapWarning, CacheWarning)):
+    if issubclass(category, (EnvironmentMapWarning, CacheWarning, SceneWarning)):
         print(f"stratalux: warning: {message}", file=sys.stderr)
