@@ -163,10 +163,13 @@ def _shape(path: Path, part: Part, linear: Floats) -> tuple[TriangleMesh | None,
         faces = part.faces[np.any(cross(points) != 0, axis=1)]
     if not np.isfinite(points).all():
         raise InputError(f"{path}: a vertex is not a finite float32 number; repair the mesh")
-    used, index = np.unique(faces, return_inverse=True)
-    if not len(used):
+    if not len(faces):
         return None, np.zeros(3), 0
-    vertices, faces = vertices[used], index.reshape(-1, 3)
+    used, index = np.unique(faces, return_inverse=True)
+    triangles = index.reshape(-1, 3).astype(np.uint32)
+    if np.linalg.det(linear) < 0:
+        triangles = triangles[:, ::-1]
+    vertices = vertices[used]
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     centre = low + (high - low) / 2
     with np.errstate(over="ignore"):
@@ -174,23 +177,32 @@ def _shape(path: Path, part: Part, linear: Floats) -> tuple[TriangleMesh | None,
     if not np.isfinite(local).all():
         raise InputError(f"{path}: a vertex is not a finite float32 number; repair the mesh")
     if part.normals is None:
-        return smooth_shaded(TriangleMesh(local, faces.astype(np.uint32))), centre, 0
+        return smooth_shaded(TriangleMesh(local, triangles)), centre, 0
+    # Normals go with the inverse transpose.
     with np.errstate(all="ignore"):
         normals = unit(part.normals[used] @ np.linalg.pinv(linear))
-        usable = np.all(np.abs(np.linalg.norm(normals, axis=1) - 1)[faces] < 1e-3, axis=1)
-    given = np.any(~np.isnan(part.normals[used].sum(axis=1))[faces], axis=1)
-    triangles = faces.astype(np.uint32)
-    kept = TriangleMesh(local, triangles[usable], np.where(np.isfinite(normals), normals, 0).astype(np.float32))
+        usable = np.all(np.abs(np.linalg.norm(normals, axis=1) - 1)[triangles] < 1e-3, axis=1)
+    given = np.any(~np.isnan(part.normals[used].sum(axis=1))[triangles], axis=1)
+    return _shaded(local, triangles, normals.astype(np.float32), usable), centre, int(np.sum(given & ~usable))
+
+
+def _shaded(
+    vertices: npt.NDArray[np.float32],
+    faces: npt.NDArray[np.uint32],
+    normals: npt.NDArray[np.float32],
+    usable: npt.NDArray[np.bool_],
+) -> TriangleMesh:
+    """A mesh with its normals where those at a face are usable, and with smooth ones elsewhere."""
     if usable.all():
-        return kept, centre, 0
-    new = smooth_shaded(TriangleMesh(local, triangles[~usable]))
-    assert new.normals is not None and kept.normals is not None
-    both = TriangleMesh(
-        np.concatenate([kept.vertices, new.vertices]),
-        np.concatenate([kept.faces, new.faces + np.uint32(len(local))]),
-        np.concatenate([kept.normals, new.normals]),
+        return TriangleMesh(vertices, faces, normals)
+    new = smooth_shaded(TriangleMesh(vertices, faces[~usable]))
+    assert new.normals is not None
+    used, index = np.unique(faces[usable], return_inverse=True)
+    return TriangleMesh(
+        np.concatenate([vertices[used], new.vertices]),
+        np.concatenate([index.reshape(-1, 3), new.faces + len(used)]).astype(np.uint32),
+        np.concatenate([normals[used], new.normals]),
     )
-    return both, centre, int(np.sum(given & ~usable))
 
 
 def _keeps_angles(linear: Floats) -> bool:
