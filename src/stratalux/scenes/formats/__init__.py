@@ -42,7 +42,8 @@ def read_model(path: str | Path) -> Model:
         raise
     # What a damaged file makes of a reader is anybody's guess, from IndexError to MemoryError.
     except Exception as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+        reason = str(error) if type(error) is ValueError else f"{type(error).__name__}: {error}"
+        reason = " ".join(reason.split())[:120]
         raise InputError(f"{path}: unreadable as {path.suffix} ({reason}); export it again") from error
     if not any(len(model.parts[instance.part].faces) for instance in model.instances):
         raise InputError(f"{path}: the mesh has no faces; export it as a triangle surface")

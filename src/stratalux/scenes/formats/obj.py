@@ -23,8 +23,8 @@ _OTHERS = re.compile(rb"^[ \t]*(l|p|curv|curv2|surf)[ \t]", re.MULTILINE)
 def read(path: Path) -> Model:
     """All faces of all groups and objects; their materials and texture coordinates are not looked at."""
     text = plain_text(path.read_bytes())
-    if b"\\\n" in text:
-        text = text.replace(b"\\\n", b" ")
+    if b"\\" in text:
+        text = re.sub(rb"\\[ \t]*\n", b" ", text)  # lines that go on
     others = _OTHERS.findall(text)
     if others:
         kinds = b" ".join(sorted(set(others))).decode()

@@ -72,6 +72,9 @@ def part_of_polygons(
         wrong = corners[(corners < 0) | (corners >= len(vertices))][0]
         last = len(vertices) - 1 + first
         raise InputError(f"{path}: a face refers to vertex {wrong + first}, but the last is {last}; repair the mesh")
+    if np.any(sizes < 3):
+        count = int(np.sum(sizes < 3))
+        warnings.warn(f"{path}: {count} faces of less than three corners are left out", SceneWarning, stacklevel=2)
     if normal_corners is not None:
         vertices, corners, normals = _split_by_normal(vertices, corners, normals, normal_corners)
     with np.errstate(all="ignore"):  # what is not finite is found out when the parts are joined

@@ -16,6 +16,12 @@ from .accessors import normalised
 from .container import Document, item
 
 
+def is_compressed(document: Document, primitive: dict[str, Any]) -> bool:
+    """Whether a primitive has compressed data alone, and not the plain data too."""
+    plain = "bufferView" in item(document.list("accessors"), primitive["attributes"]["POSITION"])
+    return "KHR_draco_mesh_compression" in primitive.get("extensions", {}) and not plain
+
+
 class Decoded:
     """What a compressed primitive holds: its triangles (T, 3), and its attributes by the names they have in glTF."""
 

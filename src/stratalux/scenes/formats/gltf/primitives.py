@@ -14,7 +14,7 @@ from ...model import Floats, Indices, Part
 from ...polygons import fan, strip
 from .accessors import array
 from .container import Document
-from .draco import Decoded
+from .draco import Decoded, is_compressed
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 
@@ -30,7 +30,7 @@ def part(document: Document, primitive: dict[str, Any], weights: Sequence[float]
     `joints` (J, 4, 4): for a mesh with a skin the matrices from its own coordinates to the scene, one for each joint.
     """
     attributes = primitive["attributes"]
-    packed = Decoded(document, primitive) if "KHR_draco_mesh_compression" in primitive.get("extensions", {}) else None
+    packed = Decoded(document, primitive) if is_compressed(document, primitive) else None
 
     def values(name: str, size: int) -> Any:
         if name not in attributes:
