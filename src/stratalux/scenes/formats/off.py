@@ -14,7 +14,7 @@ from ...errors import InputError
 from ..model import Model
 from .text import numbers, part_of_polygons, plain_text, without_comments
 
-_HEADER = re.compile(rb"\s*(?:(ST)?(C)?(N)?(4)?(n)?OFF)?", re.IGNORECASE)
+_HEADER = re.compile(rb"\s*(?:(ST)?(C)?(N)?(4)?(n)?(?:OFF|off))?")
 
 
 def read(path: Path) -> Model:

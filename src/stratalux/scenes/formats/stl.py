@@ -21,6 +21,8 @@ _TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("vertices", "<f4", (3, 3)), ("at
 _NUMBER = rb"\s+([-+0-9.einfa]+)"
 _VERTEX_OR_END = re.compile(rb"\bvertex" + 3 * _NUMBER + rb"|\bendloop\b", re.IGNORECASE)
 
+_NAME = re.compile(rb"\b(?:end)?solid\b(?:(?!\bfacet\b)[^\n])*", re.IGNORECASE)
+
 
 def read(path: Path) -> Model:
     """All triangles of all solids."""
@@ -48,7 +50,7 @@ def _binary(path: Path, data: bytes, count: int) -> Model:
 
 
 def _text(path: Path, text: bytes) -> Model:
-    found = _VERTEX_OR_END.findall(text)
+    found = _VERTEX_OR_END.findall(_NAME.sub(b"", text))
     ends = np.array([index for index, vertex in enumerate(found) if not vertex[0]], dtype=np.int64)
     tail = text[text.lower().rfind(b"endloop") + 1 :].lower()
     if len(ends) < 1 or ends[-1] + 1 < len(found) or re.search(rb"\bfacet\s+normal\b", tail):
