@@ -35,8 +35,8 @@ def read(path: Path) -> Model:
         )
     vertices = _vectors(path, _VERTEX.findall(text), "v")
     normals = _vectors(path, _NORMAL.findall(text), "vn")
-    faces = without_comments(b"\n".join(_FACE.findall(text)))
-    sizes = np.array([len(face.split()) for face in faces.split(b"\n")], dtype=np.int64)
+    faces = without_comments(b"\n".join([*_FACE.findall(text), b""]))
+    sizes = np.array([len(face.split()) for face in faces.split(b"\n")[:-1]], dtype=np.int64)
     triples = _corner_indices(faces)
     for column, pattern in ((0, _VERTEX), (2, _NORMAL)):
         _count_from_start(triples[:, column], sizes, pattern, text)

@@ -47,6 +47,8 @@ class Decoded:
         """The values (V, n) of an attribute, or None if it is not among the compressed ones."""
         if name not in self._ids:
             return None
+        if self._ids[name] not in self._by_id:
+            raise InputError(f"{self._document.path}: its Draco data hold no {name}; export it again")
         accessor = item(self._document.list("accessors"), self._primitive["attributes"][name])
         values = np.asarray(self._by_id[self._ids[name]])
         return normalised(values.reshape(len(values), -1), bool(accessor.get("normalized")))
