@@ -83,9 +83,8 @@ def _clipped(points: Floats, normal: Floats) -> tuple[Indices, bool]:
     ears = ears.reshape(-1, 3)
     a, b, c = np.moveaxis(flat[ears], 1, 0)
     twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    ears[twice < 0] = ears[twice < 0][:, ::-1]
-    # A simple polygon is covered once by its ears: their areas add up to its own.
-    return ears, bool(abs(np.abs(twice).sum() - length) > 1e-3 * length)
+    # A simple polygon is covered once by its ears, all turned as it is: their areas add up to its own.
+    return ears, bool(abs(twice.sum() - length) > 1e-3 * length)
 
 
 def strip(count: int) -> Indices:

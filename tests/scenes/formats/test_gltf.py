@@ -262,11 +262,18 @@ def test_a_skin_without_matrices_and_one_that_mirrors(file: Path) -> None:
     primitive = gltf.primitive(TETRAHEDRON, np.ravel(OUTWARDS))
     primitive["attributes"]["JOINTS_0"] = gltf.accessor(np.zeros((4, 4)), "u2")
     primitive["attributes"]["WEIGHTS_0"] = gltf.accessor(np.tile([2.0, 0, 0, 0], (4, 1)))  # weights add up to one
+    primitive["attributes"]["NORMAL"] = gltf.accessor(np.tile([0.6, 0.8, 0], (4, 1)))
     gltf.show(primitive, skin=skin)
     gltf.add("nodes", scale=[-3, 1, 1])
     found = corners(gltf.write(file))
     assert found[..., 0].min() == -3
     assert volume(found) == pytest.approx(0.5)
+    normals = read_model(file).parts[0].normals
+    assert normals is not None
+    expected = np.array([-0.2, 0.8, 0]) / np.hypot(0.2, 0.8)
+    np.testing.assert_allclose(
+        normals / np.linalg.norm(normals, axis=1, keepdims=True), np.tile(expected, (4, 1)), atol=1e-6
+    )
 
 
 def draco(gltf: Gltf, **primitive: Any) -> dict[str, Any]:
@@ -383,6 +390,18 @@ def test_a_node_far_away_keeps_its_detail(file: Path) -> None:
     found = corners(gltf.write(file))[0]
     np.testing.assert_allclose(found - found[0], TRIANGLE * 0.001, atol=2e-9)
     np.testing.assert_allclose(found[0], [5411930.123, 0, 448250.5], rtol=1e-15)
+
+
+def test_a_binary_file_that_is_cut_short(file: Path) -> None:
+    gltf = Gltf()
+    gltf.show(gltf.primitive(TRIANGLE))
+    data = gltf.write(file).read_bytes()
+    for kept in (40, len(data) - 44, len(data) - 36, len(data) - 1):
+        file.write_bytes(data[:kept])
+        with pytest.raises(InputError, match=f"cut short at {kept} of its {len(data)} bytes"):
+            read_model(file)
+    file.write_bytes(data + b"more")
+    assert len(corners(file)) == 1
 
 
 def change(document: dict[str, Any], path: str, value: Any) -> None:
