@@ -12,5 +12,9 @@ class CacheWarning(UserWarning):
     """A file of the cache cannot be read or written; the work is done without it."""
 
 
+class EnvironmentMapWarning(UserWarning):
+    """Something in a map was repaired or is unusual."""
+
+
 class SceneWarning(UserWarning):
-    """Something that a mesh or a scene file says is left out of the scene, replaced, or guessed."""
+    """Something that a scene's file says is not shown, or was replaced or repaired."""
