@@ -18,10 +18,7 @@ from .text import numbers, part_of_polygons, plain_text
 _HEADER = 80
 _TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
 
-_NUMBER = rb"\s+([-+0-9.einfa]+)"
-_VERTEX_OR_END = re.compile(rb"\bvertex" + 3 * _NUMBER + rb"|\bendloop\b", re.IGNORECASE)
-
-_NAME = re.compile(rb"\b(?:end)?solid\b(?:(?!\bfacet\b)[^\n])*", re.IGNORECASE)
+_NAME = re.compile(rb"solid(?:(?!facet)[^\n])*")
 
 
 def read(path: Path) -> Model:
@@ -50,12 +47,12 @@ def _binary(path: Path, data: bytes, count: int) -> Model:
 
 
 def _text(path: Path, text: bytes) -> Model:
-    found = _VERTEX_OR_END.findall(_NAME.sub(b"", text))
-    ends = np.array([index for index, vertex in enumerate(found) if not vertex[0]], dtype=np.int64)
-    tail = text[text.lower().rfind(b"endloop") + 1 :].lower()
-    if len(ends) < 1 or ends[-1] + 1 < len(found) or re.search(rb"\bfacet\s+normal\b", tail):
+    # The name of a solid may hold any words.
+    pieces = _NAME.sub(b"solid", text.lower()).split(b"vertex")
+    ends = np.flatnonzero([b"endloop" in piece for piece in pieces[1:]])
+    if len(ends) < 1 or ends[-1] + 2 < len(pieces) or re.search(rb"\bfacet\s+normal\b", pieces[-1]):
         raise InputError(f"{path}: cut short within triangle {len(ends)}; copy it again")
-    if b"endsolid" not in tail:
+    if b"endsolid" not in pieces[-1]:
         warnings.warn(f"{path}: it does not end with 'endsolid', and may be cut short", SceneWarning, stacklevel=3)
-    vertices = numbers(b" ".join([b" ".join(vertex) for vertex in found])).reshape(-1, 3)
-    return Model.of(part_of_polygons(path, vertices, np.arange(len(vertices)), np.diff(ends, prepend=-1) - 1))
+    vertices = numbers(b" ".join([b" ".join(piece.split(None, 3)[:3]) for piece in pieces[1:]])).reshape(-1, 3)
+    return Model.of(part_of_polygons(path, vertices, np.arange(len(vertices)), np.diff(ends, prepend=-1)))
