@@ -415,7 +415,7 @@ def change(document: dict[str, Any], path: str, value: Any) -> None:
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        ("asset/version", "1.0", "glTF 1.0 is not supported"),
+        ("asset/version", "1.0", "glTF '1.0' is not supported"),
         ("nodes/0/mesh", 7, "there is no object 7"),
         ("nodes/0/mesh", -1, "there is no object -1"),
         ("nodes/0/children", [0], "its own ancestor"),
@@ -429,7 +429,7 @@ def change(document: dict[str, Any], path: str, value: Any) -> None:
         ("bufferViews/0/byteOffset", -4, "beyond its buffer"),
         ("buffers", [{"byteLength": 1000}], "buffer 0 has .* of its 1000 bytes"),
         ("buffers", [{"byteLength": 1, "uri": "gone.bin"}], "the file 'gone.bin' that it refers to is not there"),
-        ("buffers", [{"byteLength": 1, "uri": "https://example.org/a.bin"}], "refers to https://example.org"),
+        ("buffers", [{"byteLength": 1, "uri": "https://example.org/a.bin"}], "refers to 'https://example.org"),
         ("scene", 3, "there is no object 3"),
         ("nodes", "nonsense", "unreadable"),
     ],

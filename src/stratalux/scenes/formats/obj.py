@@ -59,7 +59,7 @@ def _vectors(path: Path, lines: list[bytes]) -> Floats:
     lengths = {len(line.split()) for line in lines}
     if min(lengths, default=4) < 4:
         short = next(line for line in lines if len(line.split()) < 4)[:40].decode("latin-1").strip()
-        raise InputError(f"{path}: the line '{short}' has less than three numbers; copy or export it again")
+        raise InputError(f"{path}: the line {short!r} has less than three numbers; copy or export it again")
     if lengths == {4}:
         rows = [line[2:] for line in lines]
     else:

@@ -48,7 +48,7 @@ def numbers(text: bytes, dtype: type[Any] = np.float64) -> Any:
             try:
                 (int if dtype is np.int64 else float)(word)
             except ValueError:
-                raise ValueError(f"'{word[:20].decode('latin-1')}' is not {what}") from None
+                raise ValueError(f"{word[:20].decode('latin-1')!r} is not {what}") from None
         raise ValueError(f"something is not {what}") from None
 
 

@@ -59,12 +59,12 @@ class Document:
     def _check_version(self) -> None:
         version = str(self.json.get("asset", {}).get("version", "without a version"))
         if not version.startswith("2."):
-            raise InputError(f"{self.path}: glTF {version} is not supported; export it as glTF 2.0")
+            raise InputError(f"{self.path}: glTF {version!r} is not supported; export it as glTF 2.0")
         for name in self.json.get("extensionsRequired", []):
             if name in ("EXT_meshopt_compression", "KHR_meshopt_compression"):
                 self._refuse(f"compressed with {name}, which is not supported")
             if name not in _SHAPES and not name.startswith(_LOOKS):
-                self._refuse(f"requires the extension {name}, which is not supported")
+                self._refuse(f"requires the extension {name!r}, which is not supported")
 
     def _refuse(self, why: str) -> None:
         raise InputError(f"{self.path}: {why}; export it without")
@@ -98,12 +98,12 @@ class Document:
             head, _, body = uri[5:].partition(",")
             return base64.b64decode(unquote(body)) if head.endswith(";base64") else unquote_to_bytes(body)
         if "://" in uri:
-            raise InputError(f"{self.path}: refers to {uri[:60]}; download it, and refer to the file")
+            raise InputError(f"{self.path}: refers to {uri[:60]!r}; download it, and refer to the file")
         for name in dict.fromkeys((unquote(uri), uri)):
             file = self.path.parent / name
             if file.is_file():
                 return file.read_bytes()
-        raise InputError(f"{self.path}: the file '{unquote(uri)}' that it refers to is not there; copy it too")
+        raise InputError(f"{self.path}: the file {unquote(uri)!r} that it refers to is not there; copy it too")
 
 
 def item(objects: list[Any], index: int) -> Any:
