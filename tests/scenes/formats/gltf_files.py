@@ -82,7 +82,7 @@ class Gltf:
             path.write_text(json.dumps(document), encoding=how.get("encoding", "utf-8"))
             return path
         text = json.dumps(document).encode()
-        text += b" " * (-len(text) % 4)
+        text += how.get("padding", " ").encode() * (-len(text) % 4)
         binary = self.binary + b"\0" * (-len(self.binary) % 4)
         chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
         path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)

@@ -384,6 +384,13 @@ def test_gltf_files_and_where_their_buffers_are(tmp_path: Path, how: str, encodi
     np.testing.assert_array_equal(corners(path), [TRIANGLE])
 
 
+@pytest.mark.parametrize("name", ["", "a", "ab", "abc"])
+def test_json_that_is_padded_with_zeros_against_the_rules(file: Path, name: str) -> None:
+    gltf = Gltf()
+    gltf.show(gltf.primitive(TRIANGLE), name=name)
+    np.testing.assert_array_equal(corners(gltf.write(file, padding="\0")), [TRIANGLE])
+
+
 def test_a_node_far_away_keeps_its_detail(file: Path) -> None:
     gltf = Gltf()
     gltf.show(gltf.primitive(TRIANGLE * 0.001), translation=[5411930.123, 0, 448250.5])

@@ -132,4 +132,4 @@ def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
         at += 8 + size
     if b"JSON" not in found:
         raise InputError(f"{path}: it has no JSON; export it again")
-    return found[b"JSON"], found.get(b"BIN\0")
+    return found[b"JSON"].rstrip(b"\0"), found.get(b"BIN\0")
