@@ -344,6 +344,8 @@ def spoil() -> None:
         ("render demo --technique stratified:strata=many", "strata"),
         ("render demo --technique stratified:colour=3", "colour"),
         ("render demo --technique importance:sequence=halton", "halton"),
+        ("render demo --technique importance:samples=4294967296", "too large; give at most"),
+        ("render demo --technique kmeans:lights=99999999", "too large"),
         ("render demo --technique path --strata 4", "strata"),
         ("rig none.exr", "no such file"),
         ("rig map.exr -n 0", "-n"),
