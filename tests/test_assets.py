@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import sys
 import threading
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from urllib.parse import urlsplit
 import pytest
 from click.shell_completion import ShellComplete
 
+import stratalux.cli.assets  # noqa: F401  (knows the names of the real registry)
 from stratalux import assets
 from stratalux.assets import ASSETS, Asset, AssetFile, Assets
 from stratalux.cli import cli
@@ -70,9 +72,9 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Path]:
     return made
 
 
-def mesh(url: str | None = None, **more: object) -> Asset:
+def mesh(url: str = "http://127.0.0.1:1/blob", **more: object) -> Asset:
     file = AssetFile("meshes/blob.obj", hashlib.sha256(CONTENT).hexdigest(), len(CONTENT), url)
-    blob = Asset("blob", "a blob", "nobody", "none", "https://example.org/blob", (file,), how="draw it")
+    blob = Asset("blob", "a blob", "nobody", "none", "https://example.org/blob", (file,))
     return replace(blob, **more)  # type: ignore[arg-type]
 
 
@@ -124,7 +126,9 @@ def test_says_whether_it_is_what_was_measured_with(places: dict[str, Path]) -> N
 
 def test_a_scene_is_found_with_all_its_files_and_in_one_folder(places: dict[str, Path]) -> None:
     digest = hashlib.sha256(CONTENT).hexdigest()
-    scene = mesh(files=tuple(AssetFile(f"s/{name}", digest, len(CONTENT)) for name in ("a.xml", "b.exr")))
+    scene = mesh(
+        files=tuple(AssetFile(f"s/{name}", digest, len(CONTENT), "https://example.org") for name in ("a.xml", "b.exr"))
+    )
     put(places["named"], "s/a.xml")
     put(places["beside"], "s/b.exr")
     assert lookup(scene).find("blob") is None
@@ -141,11 +145,6 @@ def test_what_is_missing_is_said_in_one_line(places: dict[str, Path]) -> None:
     assert "blob is missing: there is no meshes/blob.obj in" in message and "\n" not in message
     assert all(str(folder) in message for name, folder in places.items() if name != "given")
     assert message.endswith("type: stratalux assets fetch blob")
-    by_hand = f"place it at {places['home/assets']}/meshes/blob.obj (https://example.org/blob: draw it)"
-    for call in (Assets.require, Assets.fetch):
-        with pytest.raises(InputError) as error:
-            call(lookup(mesh()), "blob")
-        assert by_hand in str(error.value)
     with pytest.raises(InputError, match="no asset is called 'bunny'; known: grace, venice"):
         Assets().find("bunny")
     with pytest.raises(InputError, match="nowhere: no such folder"):
@@ -247,16 +246,18 @@ def test_the_registry_is_whole() -> None:
     listed = [file for asset in ASSETS.values() for file in asset.files]
     assert len({file.file for file in listed}) == len({file.sha256 for file in listed}) == len(listed)
     for asset in ASSETS.values():
-        assert asset.automatic != bool(asset.how)  # a URL, or what to do without one
         for file in asset.files:
             assert len(bytes.fromhex(file.sha256)) == 32 and file.size > 0
-            assert file.url is None or file.url.startswith("https://")
+            assert re.fullmatch(r"https://\S+/[0-9a-f]{40}/\S+", file.url)  # pinned to a commit
 
 
 @pytest.fixture
 def registry(server: str) -> Iterator[None]:
-    """A registry of a blob that is served, and a lump that is not, in place of the real one."""
-    entries = {"blob": mesh(f"{server}/blob"), "lump": mesh(name="lump", files=(AssetFile("lump.obj", "0" * 64, 1),))}
+    """A registry of a blob that is served, and a lump of which another file is, in place of the real one."""
+    entries = {
+        "blob": mesh(f"{server}/blob"),
+        "lump": mesh(name="lump", files=(AssetFile("lump.obj", "0" * 64, 1, f"{server}/other"),)),
+    }
     before = dict(ASSETS)
     ASSETS.clear()
     ASSETS.update(entries)
@@ -276,26 +277,25 @@ def test_lists(
     assert "differs" in lump and str(places["given"] / "lump.obj") in lump
     assert note == "stratalux assets fetch: downloads blob"
     assert run(monkeypatch, "assets") == 0
-    assert capsys.readouterr().out.splitlines()[-1] == "lump: " + Assets().by_hand("lump")
+    assert capsys.readouterr().out.splitlines()[-1] == "stratalux assets fetch: downloads blob, lump"
     assert run(monkeypatch, "assets", "--json") == 0
     content = json.loads(capsys.readouterr().out)
     assert content["folders"] == [str(places[name]) for name in ("named", "beside", "home/assets")]
     blob, lump = content["assets"]
-    assert (blob["status"], blob["path"], blob["automatic"], lump["automatic"]) == ("missing", None, True, False)
-    assert blob["files"][0]["sha256"] == hashlib.sha256(CONTENT).hexdigest() and "place it at" in lump["by_hand"]
+    assert (blob["status"], blob["path"], lump["status"]) == ("missing", None, "missing")
+    assert blob["files"][0]["sha256"] == hashlib.sha256(CONTENT).hexdigest()
 
 
 def test_fetches_all_and_says_the_terms(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], places: dict[str, Path], registry: None
 ) -> None:
     path = places["home/assets"] / "meshes/blob.obj"
-    assert run(monkeypatch, "assets", "fetch") == 0
+    assert run(monkeypatch, "assets", "fetch") == 2  # of the lump, another file is served
     captured = capsys.readouterr()
-    assert captured.err == ""
+    assert captured.err.count("\n") == 1 and "serves another file" in captured.err
     lines = captured.out.splitlines()
     assert lines[0] == "blob: a blob; by nobody, https://example.org/blob; terms: none"
     assert lines[1].strip() == str(path) and path.read_bytes() == CONTENT
-    assert "not fetched automatically" in lines[3]
     assert run(monkeypatch, "assets") == 0
     assert "as measured" in capsys.readouterr().out
 
@@ -304,7 +304,7 @@ def test_fetches_all_and_says_the_terms(
     ("arguments", "message"),
     [
         (("fetch", "grace"), "cannot be downloaded"),
-        (("fetch", "buddha"), "not fetched automatically: place it at"),
+        (("fetch", "buddha", "--assets", "no/such"), "no/such: cannot be made"),
         (("fetch", "bunny"), "'bunny' is not one of"),
         (("--assets", "nowhere"), "nowhere: no such folder"),
         (("--json", "fetch"), "does not go with fetch"),

@@ -1,22 +1,24 @@
 """Stratalux: the fastest unbiased way from an environment map to a clean image, on Mitsuba 3 and Dr.Jit.
 
-Importing the package registers its Mitsuba plugins; Mitsuba itself is imported only by what needs it.
+Importing the package registers its Mitsuba plugins. Everything else, NumPy and Mitsuba included, is imported when it is
+asked for.
 """
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-from .errors import InputError
 from .integrators.plugins import register_on_import
-from .maps.envmap import EnvironmentMap, EnvironmentMapWarning
-from .maps.median_cut import median_cut
-from .maps.regions import Regions, describe_regions, region_content
+from .lazy import lazily
 
 if TYPE_CHECKING:
     from .comparison.compare import Comparison, compare
+    from .errors import EnvironmentMapWarning, InputError
+    from .maps.envmap import EnvironmentMap
+    from .maps.median_cut import median_cut
+    from .maps.regions import Regions, describe_regions, region_content
     from .rendering.passes import RenderResult, render, render_passes
+    from .rendering.settings import PictureSettings
     from .scenes.load import load_scene
 
 __all__ = [
@@ -24,6 +26,7 @@ __all__ = [
     "EnvironmentMap",
     "EnvironmentMapWarning",
     "InputError",
+    "PictureSettings",
     "Regions",
     "RenderResult",
     "compare",
@@ -35,25 +38,37 @@ __all__ = [
     "render_passes",
 ]
 
-__version__ = version("stratalux")
-
-_NEEDS_MITSUBA = {
+_PLACES = {
     "Comparison": ".comparison.compare",
     "compare": ".comparison.compare",
+    "EnvironmentMap": ".maps.envmap",
+    "EnvironmentMapWarning": ".errors",
+    "InputError": ".errors",
+    "PictureSettings": ".rendering.settings",
+    "Regions": ".maps.regions",
     "RenderResult": ".rendering.passes",
+    "describe_regions": ".maps.regions",
+    "load_scene": ".scenes.load",
+    "median_cut": ".maps.median_cut",
+    "region_content": ".maps.regions",
     "render": ".rendering.passes",
     "render_passes": ".rendering.passes",
-    "load_scene": ".scenes.load",
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name in _NEEDS_MITSUBA:
-        from importlib import import_module
+_lazy = lazily(__name__, _PLACES)
 
-        value = globals()[name] = getattr(import_module(_NEEDS_MITSUBA[name], __name__), name)
-        return value
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("stratalux")
+    return _lazy(name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, "__version__"})
 
 
 register_on_import()

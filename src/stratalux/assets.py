@@ -7,8 +7,8 @@ None of it is part of the package. :class:`Assets` looks for it in these folders
 3. ``../shared/assets`` beside a checkout of the sources;
 4. the folder ``assets`` of the cache (:func:`stratalux.caches.cache_folder`), where fetched files go.
 
-Each file has the SHA-256 of the one that our figures were measured with. A file has a URL only where that very file was
-seen in a public repository at the commit that the URL names; whatever else the URL may serve one day is refused.
+Each file has the SHA-256 of the one that our figures were measured with. That very file was seen in a public repository
+at the commit that its URL names; whatever else the URL may serve one day is refused.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ Progress = Callable[[str, int, int], None]
 class AssetFile:
     """``file``: path within a folder of assets. ``sha256`` and ``size`` (bytes): of the file that was measured with.
 
-    ``url`` serves that file, or is None if nothing is known to.
+    ``url`` serves that file.
     """
 
     file: str
     sha256: str
     size: int
-    url: str | None = None
+    url: str
 
 
 @dataclass(frozen=True)
 class Asset:
     """A map, a mesh or a scene.
 
-    ``files``: all that it needs, the one to load first. ``source``: page of its owner. ``how``: how to come by it where
-    it cannot be fetched. ``alternatives``: files that can be loaded instead, and give other figures.
+    ``files``: all that it needs, the one to load first. ``source``: page of its owner. ``alternatives``: files that can
+    be loaded instead, and give other figures.
     """
 
     name: str
@@ -56,7 +56,6 @@ class Asset:
     terms: str
     source: str
     files: tuple[AssetFile, ...]
-    how: str = ""
     alternatives: tuple[str, ...] = ()
 
     @property
@@ -68,11 +67,6 @@ class Asset:
     def size(self) -> int:
         """Bytes of all files."""
         return sum(file.size for file in self.files)
-
-    @property
-    def automatic(self) -> bool:
-        """Whether it can be fetched."""
-        return all(file.url for file in self.files)
 
 
 @dataclass(frozen=True)
@@ -87,6 +81,8 @@ _RAW = "https://raw.githubusercontent.com"
 _PBRT = f"{_RAW}/mmp/pbrt-v2/e6f6334f3c26ca29eba2b27af4e60fec9fdc7a8d/scenes/textures"
 _MITSUBA = f"{_RAW}/mitsuba-renderer/mitsuba-data/01100fa9b0b154492061a92404f26dcd7b784dbb/scenes/matpreview"
 _MODELS = f"{_RAW}/alecjacobson/common-3d-test-models/8a4f8642acaf43f9cd7b67858a1502e1055ef202/data"
+_PMNDRS = f"{_RAW}/pmndrs/assets/d8709a9b11247dc51b72bb32fade56048807d868/src/hdri"
+_PHOTON = f"{_RAW}/nwtnni/photon/60c15cca7509a8b43a8ab9aa4cb444c29775ad78/models"
 _POLY_HAVEN = f"{_RAW}/pmndrs/drei-assets/456060a26bbeb8fdf79326f224b6d99b8bcce736/hdri"
 """A copy: no snapshot of what Poly Haven's own server sends could be compared with."""
 
@@ -120,16 +116,18 @@ _REGISTRY = (
     ),
     Asset(
         name="venice",
-        what="a quay at sunset, 1024x512",
+        what="a quay in Venice at dawn, 1024x512",
         owner="Poly Haven",
         terms="CC0",
-        source="https://polyhaven.com/a/venice_sunset",
+        source="https://github.com/pmndrs/assets",  # which of Poly Haven's it is, is not said there
         files=(
             AssetFile(
-                "envmaps/venice.hdr", "d41b07ae03ae80b4d78a467bda484b19d86fe3ce9acda9b13c15e3fbfe8bf71f", 1_451_415
+                "envmaps/venice.hdr",
+                "d41b07ae03ae80b4d78a467bda484b19d86fe3ce9acda9b13c15e3fbfe8bf71f",
+                1_451_415,
+                f"{_PMNDRS}/venice.hdr",
             ),
         ),
-        how="as HDR of 1K; what is sent today may differ from the file measured",
     ),
     _poly_haven(
         "studio",
@@ -154,14 +152,18 @@ _REGISTRY = (
     ),
     Asset(
         name="sky",
-        what="sun and clouds over water, 1024x512",
+        what="sun and clouds over a horizon, 1024x512",
         owner="Poly Haven",
         terms="CC0",
-        source="https://polyhaven.com/hdris/skies",
+        source="https://polyhaven.com/a/kloofendal_48d_partly_cloudy_puresky",
         files=(
-            AssetFile("envmaps/sky.hdr", "fd94c84997b8a3c353b62c2125a9b44e19509956986a126e472684432a02d798", 1_435_119),
+            AssetFile(
+                "envmaps/sky.hdr",
+                "fd94c84997b8a3c353b62c2125a9b44e19509956986a126e472684432a02d798",
+                1_435_119,
+                f"{_PMNDRS}/sky.hdr",
+            ),
         ),
-        how="which of the skies it was is not known; another one in HDR of 1K works, and gives other figures",
     ),
     _poly_haven(
         "apartment",
@@ -188,11 +190,10 @@ _REGISTRY = (
                 "meshes/happy_buddha.obj",
                 "1b2479c77154f90c31281cb69ff1963dcd2ceb52d9803555eb70a2a1a09111de",
                 3_368_022,
+                f"{_PHOTON}/buddha.obj",
             ),
         ),
-        how="this decimated copy is published nowhere that we know of; the mesh of the paper, happy_vrip.ply out of "
-        "happy_recon.tar.gz, can be used as it is: place it as meshes/happy_vrip.ply",
-        alternatives=("meshes/happy_vrip.ply",),
+        alternatives=("meshes/happy_vrip.ply",),  # the whole of it, as the Stanford repository has it
     ),
     Asset(
         name="teapot",
@@ -297,28 +298,21 @@ class Assets:
             return path
         asset = self[name]
         looked = ", ".join(str(folder) for folder in self.folders)
-        advice = f"type: stratalux assets fetch {asset.name}" if asset.automatic else self.by_hand(name)
-        raise InputError(f"{asset.name} is missing: there is no {asset.file} in {looked}; {advice}")
-
-    def by_hand(self, name: str) -> str:
-        """How to come by an asset that cannot be fetched."""
-        asset = self[name]
-        place = self._destination / asset.file
-        return f"not fetched automatically: place it at {place} ({asset.source}: {asset.how})"
+        raise InputError(
+            f"{asset.name} is missing: there is no {asset.file} in {looked}; type: stratalux assets fetch {asset.name}"
+        )
 
     def fetch(self, name: str, progress: Progress | None = None) -> Path:
         """The file to load, downloaded unless it is there; a damaged one of the cache is replaced.
 
-        Files appear complete and with the right SHA-256, or not at all. Raises :class:`InputError` if the asset cannot
-        be fetched, pooch is not installed, the network fails, another file is served, or nothing can be written.
+        Files appear complete and with the right SHA-256, or not at all. Raises :class:`InputError` if pooch is not
+        installed, the network fails, another file is served, or nothing can be written.
         """
         asset = self[name]
         found = self.locate(asset.name)
         # Somebody's own file is never replaced, nor is it hidden behind a fetched one.
-        if found and (found.as_measured or not asset.automatic or not found.path.is_relative_to(self.cache)):
+        if found and (found.as_measured or not found.path.is_relative_to(self.cache)):
             return found.path
-        if not asset.automatic:
-            raise InputError(f"{asset.name}: {self.by_hand(name)}")
         for file in asset.files:
             path = self._destination / file.file
             if self.folder is not None and path.exists() and _sha256(path) != file.sha256:

@@ -10,3 +10,11 @@ class InputError(ValueError):
 
 class CacheWarning(UserWarning):
     """A file of the cache cannot be read or written; the work is done without it."""
+
+
+class EnvironmentMapWarning(UserWarning):
+    """Something in a map was repaired or is unusual."""
+
+
+class SceneWarning(UserWarning):
+    """Something that a scene's file says is not shown, or was replaced or repaired."""

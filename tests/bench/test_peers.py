@@ -15,7 +15,7 @@ import pytest
 
 from stratalux import InputError
 from stratalux.assets import Assets
-from stratalux.bench import BenchResult, Case
+from stratalux.bench import BenchResult, BenchSettings, Case, Suite
 from stratalux.bench import run as run_benchmark
 from stratalux.bench.markdown import markdown
 from stratalux.bench.peers import worker
@@ -125,7 +125,7 @@ def test_packages_are_found_with_their_versions(fakes: Path) -> None:
 def test_a_run_measures_the_peers_after_the_cases_and_resumes(
     fakes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module = sys.modules["stratalux.bench.run"]
+    module = sys.modules["stratalux.bench.benchmark"]
     made_up, asked = bench_result(), []
 
     def measured(case: Case, *_: object, python: str | None, **__: object) -> PeersResult:
@@ -147,7 +147,7 @@ def test_a_run_measures_the_peers_after_the_cases_and_resumes(
 def test_a_graphics_card_does_not_race_against_processors(
     fakes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys.modules["stratalux.bench.run"], "choose_variant", lambda variant: "cuda_ad_rgb")
+    monkeypatch.setattr(sys.modules["stratalux.bench.benchmark"], "choose_variant", lambda variant: "cuda_ad_rgb")
     with pytest.raises(InputError, match="--peers: the others render on the CPU, cuda_ad_rgb would not"):
         run_benchmark(TINY, assets=make_assets(tmp_path / "assets"), folder=tmp_path / "out", peers=True)
 
@@ -170,12 +170,13 @@ def test_records_and_pages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
     ]
     assert len({line.count("|") for line in rows}) == 1 and "our 16 spp" in rows[0] and "our 64 spp" not in rows[0]
 
-    def fake(suite: str, *, folder: Path, peers: bool, **options: object) -> BenchResult:
-        folder.mkdir(exist_ok=True)
-        return result if peers else bench_result()
+    def fake(suite: Suite, asked: BenchSettings, *machine: object, **more: object) -> BenchResult:
+        assert asked.folder is not None
+        Path(asked.folder).mkdir(exist_ok=True)
+        return result if asked.peers else bench_result()
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("stratalux.bench.run", fake)
+    monkeypatch.setattr("stratalux.bench.run_suite", fake)
     assert run(monkeypatch, "bench", "--peers") == 0
     printed = capsys.readouterr().out
     assert "Cycles of Blender 9.9, MIS" in printed and "40 (40-40)" in printed

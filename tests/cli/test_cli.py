@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from stratalux.cli import cli
+from stratalux.cli import COMMANDS
 from stratalux.integrators.techniques import techniques
 from stratalux.rendering import variants
 from stratalux.rigs import RIGS
@@ -73,6 +74,27 @@ def test_renders_everything_it_promises(
     assert mi.Bitmap("a.png").component_format() == mi.Struct.Type.UInt8
     out = capsys.readouterr().out
     assert "2 spp in" in out and "rays/s" in out and "samples/s" in out and "wrote a.exr, a.png" in out
+
+
+def test_a_picture_is_made_again_from_what_its_file_remembers(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By the command, and by the Python call, that ``settings`` prints."""
+    import stratalux
+
+    asked = ("--env", "map.exr", "--env-rotate=-30", "--material", "copper", "--up", "-z", "--seed", "7", "-N", "6")
+    assert run(monkeypatch, "render", "mesh.obj", *asked, "--size", "24x16", "--spp", "3", "-o", "a.exr", "-q") == 0
+    image = np.array(mi.Bitmap("a.exr"))
+    assert run(monkeypatch, "settings", "a.exr") == 0
+    command = shlex.split(capsys.readouterr().out)
+    assert command[0] == "stratalux" and run(monkeypatch, *command[1:], "-o", "again.exr", "-q") == 0
+    np.testing.assert_array_equal(np.array(mi.Bitmap("again.exr")), image)
+    assert run(monkeypatch, "settings", "a.exr", "--python") == 0
+    result = eval(capsys.readouterr().out, {"stratalux": stratalux})
+    np.testing.assert_array_equal(result.image, image)
+    assert run(monkeypatch, "settings", "again.exr", "--json") == 0
+    remembered = json.loads(capsys.readouterr().out)
+    assert remembered == result.picture.to_json() and remembered["scene"]["rotate"] == [0, -30, 0]
 
 
 def test_the_map_of_a_scene_is_replaced_turned_and_scaled(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,9 +197,11 @@ def test_compare_writes_a_folder_and_a_table(
     assert content["settings"]["rays"] == [4] and Path("compare-mesh/direct-4.png").exists()
     assert "report.html" in out and Path("compare-mesh/report.html").exists()
     assert len(list(Path("cache").rglob("*.npz"))) == 1
-    assert run(monkeypatch, *arguments, "--force", "-q") == 0
+    command = shlex.split(content["settings"]["command"])
+    assert run(monkeypatch, *command[1:], "--force", "-q") == 0
     captured = capsys.readouterr()
     assert captured.out == ""
+    assert json.loads(Path("compare-mesh/results.json").read_text())["settings"] == content["settings"]
     assert json.loads(Path("compare-mesh/results.json").read_text())["reference"]["cached"] is True
 
 
@@ -207,12 +231,31 @@ def test_an_interrupted_reproduction_says_how_to_go_on(
     assert len(list((folder / "reproduction" / "steps").iterdir())) == 1
 
 
-@pytest.mark.parametrize("command", [(), *((name,) for name in cli.commands)])
+@pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)])
 def test_help_has_examples(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: tuple[str, ...]
 ) -> None:
     assert run(monkeypatch, *command, "--help") == 0
     assert "Examples:" in capsys.readouterr().out
+
+
+def test_without_a_command_there_is_help(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(monkeypatch) == 0
+    assert "Examples:" in capsys.readouterr().out
+
+
+def test_an_error_of_ours_takes_one_line_and_a_traceback_only_when_asked(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("not\na number")
+
+    monkeypatch.setattr("stratalux.maps.median_cut.median_cut", broken)
+    assert run(monkeypatch, "stratify", "map.exr", "-n", "4") == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "ZeroDivisionError: not a number" in error and "please report" in error
+    assert run(monkeypatch, "--debug", "stratify", "map.exr", "-n", "4") == 1
+    assert "Traceback" in capsys.readouterr().err
 
 
 def spoil() -> None:
@@ -299,6 +342,8 @@ def spoil() -> None:
         ("render demo --technique stratified:strata=many", "strata"),
         ("render demo --technique stratified:colour=3", "colour"),
         ("render demo --technique importance:sequence=halton", "halton"),
+        ("render demo --technique importance:samples=4294967296", "too large; give at most"),
+        ("render demo --technique kmeans:lights=99999999", "too large"),
         ("render demo --technique path --strata 4", "strata"),
         ("rig none.exr", "no such file"),
         ("rig map.exr -n 0", "-n"),
@@ -306,6 +351,16 @@ def spoil() -> None:
         ("rig map.exr --method nonsense", "nonsense"),
         ("rig map.exr --plot a.exr", "unknown image format"),
         ("rig map.exr -o no/such/rig.json", "cannot be written"),
+        ("settings map.exr", "map.exr: says nothing of settings"),
+        ("settings none.exr", "none.exr: no such file"),
+        ("settings text.exr", "text.exr: cannot be read"),
+        ("settings map.exr --json --python", "ask for one of them"),
+        ("render demo --seed 4294967296", "seed"),
+        ("render demo --exposure 1e300", "exposure"),
+        ("render demo --env-scale nan", "not a finite number"),
+        ("render demo --env-scale -1", "env-scale"),
+        ("render demo --size 65536x65536", "too large"),
+        ("render demo --spp 2147483647", "spp"),
         ("reproduce fig9", "item 'fig9' is unknown; use fig1"),
         ("reproduce -o map.exr", "is a file"),
         ("reproduce -o full", "is not empty, and holds no reproduction"),
@@ -402,6 +457,7 @@ def test_a_few_samples_less_than_asked_for_are_no_interruption() -> None:
     from types import SimpleNamespace
 
     from stratalux.cli.render import _watch
+    from stratalux.rendering.settings import SamplingSettings
 
     done = SimpleNamespace(spp=63, spp_total=64, camera_rays=1, shadow_rays=1, seconds=1.0)
-    assert _watch(iter([done]), quiet=True) == (done, False)
+    assert _watch(lambda: iter([done]), SamplingSettings(), quiet=True) == (done, False)

@@ -171,7 +171,7 @@ def test_a_technique_that_is_new_takes_part(cache: Path, monkeypatch: pytest.Mon
         (("direct",), {"rays": (0, 4)}, "rays: 0"),
         (("direct",), {"spp": 0}, "spp: 0"),
         (("direct",), {"repeats": 0}, "repeats: 0"),
-        (("direct",), {"reference_spp": 0}, "reference spp: 0"),
+        (("direct",), {"reference_spp": 0}, "reference_spp: 0"),
         (("direct",), {"seed": 1 << 16}, "seed"),
         (("direct",), {"sensor": 1}, "sensor 1"),
     ],

@@ -27,12 +27,12 @@ def test_passes_add_up_to_one_image(monkeypatch: pytest.MonkeyPatch, pixel_forma
     assert whole.spp == whole.spp_total == 8
     monkeypatch.setattr(rendering, "_SAMPLES_PER_PASS", 2 * 8 * 18 * 12)
     passes = list(stratalux.render_passes(gaussian, strata=8, spp=7, seed=3))
-    assert [p.spp for p in passes] == [2, 4, 6, 7]
+    assert [p.spp for p in passes] == [1, 2, 4, 6, 7]  # the first are smaller
     # The same film, fed by hand with the same seeds.
     integrator = mi.load_dict({"type": "direct_stratified", "strata": 8})
     sums = 0
     film = gaussian.sensors()[0].film()
-    for k, count in enumerate((2, 2, 2, 1)):
+    for k, count in enumerate((1, 1, 2, 2, 1)):
         integrator.render(gaussian, gaussian.sensors()[0], seed=3 + k, spp=count, develop=False, evaluate=True)
         sums = sums + np.array(film.develop(raw=True))
     weight = sums[..., -1:]

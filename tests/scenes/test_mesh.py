@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from stratalux.errors import InputError
+from stratalux.errors import InputError, SceneWarning
 from stratalux.scenes.mesh import FORMATS, TriangleMesh, load_mesh, smooth_shaded
 from tests.helpers import asset
+from tests.scenes.formats.gltf_files import Gltf
 
 
 def written(folder: Path, mesh: trimesh.Trimesh | trimesh.Scene, extension: str, **options: object) -> Path:
@@ -101,7 +102,9 @@ def test_normals_of_the_file_are_kept(tmp_path: Path, extension: str, option: st
 def test_unusable_normals_of_the_file_are_replaced(tmp_path: Path) -> None:
     path = tmp_path / "mesh.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 0\nvn 0 0 1\nf 1//1 2//2 3//2\n")
-    np.testing.assert_allclose(load_mesh(path).normals, np.tile([0, 0, 1], (3, 1)), atol=1e-6)
+    with pytest.warns(SceneWarning, match="the normals of 1 faces are not usable"):
+        mesh = load_mesh(path)
+    np.testing.assert_allclose(mesh.normals, np.tile([0, 0, 1], (3, 1)), atol=1e-6)
 
 
 def test_a_cube_keeps_its_edges_and_a_sphere_is_smooth(tmp_path: Path) -> None:
@@ -181,7 +184,7 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
         ("mesh.obj", None, "no such mesh file"),
         ("mesh.obj", "", "no faces"),
         ("mesh.obj", TRIANGLE, "no faces"),
-        ("mesh.obj", TRIANGLE + "f 1 2 9\n", "unreadable"),
+        ("mesh.obj", TRIANGLE + "f 1 2 9\n", "a face refers to vertex 9, but the last is 3"),
         ("mesh.obj", TRIANGLE.replace("1 0 0", "nan 0 0") + "f 1 2 3\n", "not a finite"),
         ("mesh.obj", TRIANGLE.replace("1 0 0", "1e300 0 0") + "f 1 2 3\n", "not a finite"),
         ("mesh.obj", TRIANGLE.replace("1", "0") + "f 1 2 3\n", "zero extent"),
@@ -248,3 +251,116 @@ def test_real_meshes(name: str, faces: int, tallest: int) -> None:
     assert np.argmax(np.ptp(mesh.bounds, axis=0)) == tallest
     assert area(mesh) > 0
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-4)
+
+
+FAR_AWAY = np.array([448250.0, 5411930.0, 120.0])
+
+
+@pytest.mark.parametrize("extension", [".obj", ".off", ".ply", ".stl"])
+def test_large_coordinates_keep_their_shape(tmp_path: Path, extension: str) -> None:
+    """A ball of 1 m with millimetres of detail where surveyors put it, in files of double precision."""
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    points = np.round(ball.vertices, 6) + FAR_AWAY
+    rows = "".join(f"{x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in points)
+    path = tmp_path / f"mesh{extension}"
+    if extension == ".obj":
+        path.write_text("".join(f"v {row}\n" for row in rows.splitlines()) + "".join(
+            f"f {a} {b} {c}\n" for a, b, c in ball.faces + 1
+        ))  # fmt: skip
+    elif extension == ".off":
+        faces = "".join(f"3 {a} {b} {c}\n" for a, b, c in ball.faces)
+        path.write_text(f"OFF\n{len(points)} {len(ball.faces)} 0\n{rows}{faces}")
+    elif extension == ".ply":
+        header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n" + "".join(
+            f"property double {axis}\n" for axis in "xyz"
+        )
+        header += f"element face {len(ball.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+        faces = np.zeros(len(ball.faces), [("count", "u1"), ("corners", "<i4", 3)])
+        faces["count"], faces["corners"] = 3, ball.faces
+        path.write_bytes(header.encode() + points.astype("<f8").tobytes() + faces.tobytes())
+    else:
+        facets = "".join(
+            "facet normal 0 0 0\nouter loop\n"
+            + "".join(f"vertex {x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in points[face])
+            + "endloop\nendfacet\n"
+            for face in ball.faces
+        )
+        path.write_text(f"solid\n{facets}endsolid\n")
+    mesh = load_mesh(path, up="y")
+    assert len(mesh.faces) == len(ball.faces)
+    assert volume(mesh) == pytest.approx(ball.volume, rel=1e-5)
+    np.testing.assert_allclose(mesh.bounds, ball.bounds, atol=2e-6)
+    assert mesh.normals is not None
+    np.testing.assert_allclose(mesh.normals, mesh.vertices, atol=2e-2)
+
+
+def test_a_mesh_near_the_origin_stays_where_it_is(tmp_path: Path) -> None:
+    box = trimesh.creation.box().apply_translation([5, 6, 7])
+    np.testing.assert_array_equal(load_mesh(written(tmp_path, box, ".ply")).bounds, box.bounds)
+
+
+def test_nodes_far_away_keep_their_places_and_their_detail(tmp_path: Path) -> None:
+    """Two boxes of 1 cm a metre apart, 5000 km from the origin; and a stray one that is not there."""
+    gltf = Gltf()
+    box = trimesh.creation.box((0.01, 0.01, 0.01))
+    first = gltf.show(gltf.primitive(box.vertices, box.faces.ravel()), translation=[0.5, 0, 0])
+    second = gltf.add("nodes", mesh=0, translation=[-0.5, 0, 0])
+    gltf.add("nodes", translation=[5e6, 1e5, -4e6], children=[first, second])
+    mesh = load_mesh(gltf.write(tmp_path / "scene.glb"))
+    assert volume(mesh) == pytest.approx(2e-6, rel=1e-4)
+    np.testing.assert_allclose(mesh.bounds, [[-0.505, -0.005, -0.005], [0.505, 0.005, 0.005]], atol=1e-7)
+
+
+def test_instances_that_are_stretched_and_mirrored_keep_outside_and_normals(tmp_path: Path) -> None:
+    gltf = Gltf()
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    normals = {"NORMAL": gltf.accessor(ball.vertices)}
+    gltf.show(gltf.primitive(ball.vertices, ball.faces.ravel(), attributes=normals), scale=[-1, 2, 3])
+    gltf.add("nodes", mesh=0, translation=[9, 0, 0], scale=[1, -1, 1])
+    gltf.show(gltf.primitive(ball.vertices, ball.faces.ravel()), translation=[0, 0, 9], scale=[-1, 2, 3])
+    mesh = load_mesh(gltf.write(tmp_path / "scene.glb"))
+    assert volume(mesh) == pytest.approx((6 + 1 + 6) * ball.volume, rel=1e-5)
+    assert mesh.normals is not None
+    assert np.all(np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1, abs=1e-5))
+    near = mesh.vertices[:, 0] > 5
+    centres = np.where(near[:, None], [9, 0, 0], np.where(mesh.vertices[:, 2:] > 4.5, [0, 0, 9], [0, 0, 0]))
+    axes = np.where(near[:, None], [1, 1, 1], [1, 2, 3])
+    # The normals of an ellipsoid are the gradient of (x/a)² + (y/b)² + (z/c)².
+    expected = (mesh.vertices - centres) / axes**2
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    cosines = np.sum(expected * mesh.normals, axis=1)
+    assert cosines[: 2 * len(ball.vertices)].min() > 1 - 1e-6
+    assert cosines.min() > 0.99
+
+
+def test_creases_of_a_stretched_mesh_are_those_of_its_shape(tmp_path: Path) -> None:
+    """Edges of 90 degrees that flattening makes smooth, and those of 20 degrees that stretching makes sharp."""
+    roof = np.array([[-1, 0, 0], [-1, 0, 1], [0, 1, 0], [0, 1, 1], [1, 0, 0], [1, 0, 1]], dtype=float)
+    faces = np.array([[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]])
+    for height, vertices in ((1.0, 8), (0.1, 6)):
+        gltf = Gltf()
+        gltf.show(gltf.primitive(roof, faces.ravel()), scale=[1, height, 1])
+        assert len(load_mesh(gltf.write(tmp_path / "scene.glb")).vertices) == vertices
+
+
+def test_many_instances_share_the_work(tmp_path: Path) -> None:
+    gltf = Gltf()
+    box = trimesh.creation.box()
+    places = gltf.accessor(np.stack([2.0 * np.arange(500), np.zeros(500), np.zeros(500)], axis=1))
+    extension = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": places}}}
+    gltf.show(gltf.primitive(box.vertices, box.faces.ravel()), extensions=extension)
+    mesh = load_mesh(gltf.write(tmp_path / "scene.glb"))
+    assert (len(mesh.faces), len(mesh.vertices)) == (6000, 12000)
+    np.testing.assert_allclose(mesh.bounds, [[-0.5, -0.5, -0.5], [998.5, 0.5, 0.5]])
+    assert volume(mesh) == pytest.approx(500, rel=1e-5)
+
+
+def test_faces_without_normals_get_them_beside_those_that_have_some(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.obj"
+    path.write_text(TRIANGLE + "v 1 1 5\nvn 0 0.6 0.8\nf 1//1 2//1 3//1\nf 2 4 3\n")
+    mesh = load_mesh(path)
+    assert mesh.normals is not None and len(mesh.vertices) == 6
+    np.testing.assert_allclose(mesh.normals[mesh.faces[0]], np.tile([0, 0.6, 0.8], (3, 1)), atol=1e-6)
+    a, b, c = mesh.vertices[mesh.faces[1]]
+    normal = np.cross(b - a, c - a)
+    np.testing.assert_allclose(mesh.normals[mesh.faces[1]], np.tile(normal / np.linalg.norm(normal), (3, 1)), atol=1e-6)

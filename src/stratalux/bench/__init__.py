@@ -6,8 +6,24 @@ over ours. What "the best" is gets searched for in every case, among all sampler
 
 from __future__ import annotations
 
-from .cases import FULL, QUICK, SUITES, Case, Suite
-from .results import BenchResult
-from .run import run
+from typing import TYPE_CHECKING
 
-__all__ = ["FULL", "QUICK", "SUITES", "BenchResult", "Case", "Suite", "run"]
+from ..lazy import lazily
+
+if TYPE_CHECKING:
+    from .benchmark import run, run_suite
+    from .cases import FULL, QUICK, SUITES, Case, Suite
+    from .results import BenchResult
+    from .settings import BenchSettings
+
+__all__ = ["FULL", "QUICK", "SUITES", "BenchResult", "BenchSettings", "Case", "Suite", "run", "run_suite"]
+
+__getattr__ = lazily(
+    __name__,
+    {
+        **dict.fromkeys(("FULL", "QUICK", "SUITES", "Case", "Suite"), ".cases"),
+        **dict.fromkeys(("run", "run_suite"), ".benchmark"),
+        "BenchResult": ".results",
+        "BenchSettings": ".settings",
+    },
+)

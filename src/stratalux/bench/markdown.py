@@ -53,9 +53,13 @@ def markdown(result: BenchResult) -> str:
     ]
     if open_cases := [case for case in result.cases if not case.case.ground]:
         parts += ["Objects against the map, without a ground:", _cases(open_cases)]
+    if left_out := about.get("left_out"):
+        parts.append(f"Left out, as files are missing: {'; '.join(left_out)}.")
     for raced in result.peers:
         parts += [f"## Other renderers: {raced.case.name}", *_peers(raced)]
-    parts += [_MARKS.strip(), "## The price of choosing rays", _floor(result.floor)]
+    parts.append(_MARKS.strip())
+    if result.floor is not None:
+        parts += ["## The price of choosing rays", _floor(result.floor)]
     parts += ["## Preparation", _preparation(result)]
     return "\n\n".join(parts) + "\n"
 

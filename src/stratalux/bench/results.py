@@ -4,7 +4,8 @@
 
 - ``format``: "stratalux-bench"; ``format_version``: 2; ``date``: UTC, ISO 8601, of the end; ``machine``: one line;
   ``variant``; ``versions``: by name; ``source_sha256``: of the code that was measured; ``suite``: its name;
-  ``resumed``: steps whose results an earlier, interrupted run had left.
+  ``resumed``: steps whose results an earlier, interrupted run had left; ``settings``: what was asked for, in groups;
+  ``left_out``: a line for each case whose files are missing.
 - ``ours``: the configuration measured (``technique``, ``sampler``, ``label``, ``rays``, ``compensated``).
 - ``summary``: for the regions ``surface`` (of cases with a ground) and ``image`` (of those without): ``ratio``
   (geometric mean over cases), ``worst`` and ``best`` (``case``, ``ratio``), ``ahead`` and ``cases`` (how many), and
@@ -24,7 +25,8 @@
   a quarter of an error of ours), ``winners`` (labels, by our budgets), ``budgets`` (``seconds``, ``error``, ``theirs``
   seconds, ``winner``, ``outside``, ``ratio``).
 - ``floor``: ``rays_seconds`` of bare shadow rays and ``stratified_seconds`` of ``integrator`` with as many, spreads in
-  seconds, and their ``ratio``, a spread; ``case``, ``size``, ``spp``, ``sampler``, ``rays_per_sample``.
+  seconds, and their ``ratio``, a spread; ``case``, ``size``, ``spp``, ``sampler``, ``rays_per_sample``. Null where its
+  files are missing.
 - ``peers``: a list, empty unless renderers of others were measured, with ``name``; ``case``; ``size``; ``scale``;
   ``reference``, its ``mean`` and its ``floor`` over pixels that are all surface; ``ours``: ``configuration`` and
   ``points``, as in cases; and the list ``peers``: ``name``; ``version``; ``configurations``: settings of those tried,
@@ -65,11 +67,12 @@ VERSION = 2
 
 @dataclass(frozen=True)
 class BenchResult:
-    """All that a run measured; see the module for each part. ``about``: everything of the JSON before ``ours``."""
+    """All that a run measured; see the module for each part. ``about``: everything of the JSON before ``ours``;
+    ``floor`` is None where the files for it are missing."""
 
     about: dict[str, Any]
     cases: tuple[CaseResult, ...]
-    floor: dict[str, Any]
+    floor: dict[str, Any] | None
     preparation: tuple[dict[str, Any], ...]
     ours: Configuration = OURS
     peers: tuple[PeersResult, ...] = ()

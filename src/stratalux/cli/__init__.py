@@ -3,18 +3,56 @@
 from __future__ import annotations
 
 import sys
+import traceback
 import warnings
+from importlib import import_module
 
 import click
 
-from ..errors import CacheWarning, InputError
-from ..maps.envmap import EnvironmentMapWarning
-from . import assets, bench, compare, completion, doctor, render, reproduce, rig, stratify, techniques
+from ..errors import CacheWarning, EnvironmentMapWarning, InputError, SceneWarning
+
+COMMANDS = {
+    "render": "Render a scene, a mesh or the demo.",
+    "settings": "Print the command that makes an image again.",
+    "compare": "Compare techniques at equal rays and at equal time.",
+    "reproduce": "Compute the paper's figures and numbers again.",
+    "bench": "Measure against the best of Mitsuba's own.",
+    "stratify": "Cut a map into regions of equal energy.",
+    "rig": "Turn a map into directional lights.",
+    "techniques": "List the techniques.",
+    "assets": "List and fetch the maps and meshes of the paper.",
+    "doctor": "Say what works on this machine.",
+    "completion": "Print the completion script of a shell.",
+}
+"""A command is one file of this folder, which has a function of the same name, and a line here, which help shows."""
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+class Commands(click.Group):
+    """Imports a command only when it is asked for: help is there at once."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = getattr(import_module(f".{cmd_name}", __name__), cmd_name)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(
+    cls=Commands,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
 @click.version_option(package_name="stratalux")
-def cli() -> None:
+@click.option("--debug", is_flag=True, help="Show the traceback of an error that is ours.")
+@click.pass_context
+def cli(ctx: click.Context, debug: bool) -> None:
     """Light scenes with environment maps: fast, unbiased, stratified.
 
     \b
@@ -22,6 +60,7 @@ def cli() -> None:
       stratalux render demo -o demo.png
       stratalux render buddha.ply --env venice.hdr --material gold -o buddha.exr
       stratalux render scene.xml --spp 128 -o scene.exr
+      stratalux settings scene.exr
       stratalux compare demo --technique stratified --technique direct --rays 16,64
       stratalux reproduce --quick
       stratalux bench
@@ -31,25 +70,12 @@ def cli() -> None:
       stratalux assets fetch
       stratalux doctor
     """
-
-
-for command in (
-    render.render,
-    compare.compare,
-    reproduce.reproduce,
-    bench.bench,
-    stratify.stratify,
-    rig.rig,
-    techniques.techniques,
-    assets.assets,
-    doctor.doctor,
-    completion.completion,
-):
-    cli.add_command(command)
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
 
 
 def main() -> None:
-    """Run the command line: errors take one line on stderr, and bad input exits with 2."""
+    """Run the command line: errors take one line on stderr; bad input exits with 2, an error of ours with 1."""
     warnings.showwarning = _show_warning
     try:
         sys.exit(cli.main(standalone_mode=False, prog_name="stratalux"))
@@ -63,6 +89,15 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(141)
+    except Exception as error:
+        if "--debug" in sys.argv:
+            traceback.print_exc()
+        said = " ".join(f"{type(error).__name__}: {error}".split())
+        print(
+            f"stratalux: error: {said}; this is ours: please report it, with what stratalux --debug ... prints",
+            file=sys.stderr,
+        )
+        sys.exit(1)
 
 
 def _fail(message: str) -> None:
@@ -78,5 +113,5 @@ def _show_warning(
     file: object = None,
     line: str | None = None,
 ) -> None:
-    if issubclass(category, (EnvironmentMapWarning, CacheWarning)):
+    if issubclass(category, (EnvironmentMapWarning, SceneWarning, CacheWarning)):
         print(f"stratalux: warning: {message}", file=sys.stderr)

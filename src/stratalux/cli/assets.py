@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import sys
+from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from ..assets import ASSETS, Asset, Assets
+from ..errors import InputError
 from .output import write_json
+from .progress import console, progress_bar
 
 _FOLDER = click.option("--assets", "folder", metavar="DIR", help="Look there first; what is fetched goes there.")
 
@@ -33,6 +32,8 @@ def assets(ctx: click.Context, folder: str | None, as_json: bool) -> None:
       stratalux assets fetch grace teapot --assets data
       stratalux assets --json | jq '.assets[] | select(.status == "missing").name'
     """
+    from rich.table import Table
+
     ctx.obj = folder
     if ctx.invoked_subcommand is not None:
         if as_json:
@@ -48,14 +49,9 @@ def assets(ctx: click.Context, folder: str | None, as_json: bool) -> None:
     for row in rows:
         size = f"{row['size'] / 1e6:.1f} MB"
         table.add_row(row["name"], row["status"], size, row["owner"], row["terms"], row["what"], row["path"] or "-")
-    wide = None if sys.stdout.isatty() else 1000  # a pipe gets one line for each
-    Console(width=wide, highlight=False, markup=False).print(table)
-    missing = [row for row in rows if row["path"] is None]
-    if names := [row["name"] for row in missing if row["automatic"]]:
+    console(1000, markup=False).print(table)  # a pipe gets one line for each
+    if names := [row["name"] for row in rows if row["path"] is None]:
         click.echo(f"stratalux assets fetch: downloads {', '.join(names)}")
-    for row in missing:
-        if not row["automatic"]:
-            click.echo(f"{row['name']}: {row['by_hand']}")
 
 
 @assets.command()
@@ -66,26 +62,31 @@ def fetch(outer: str | None, names: tuple[str, ...], folder: str | None) -> None
     """Download assets, all without NAME, and say whose they are and on which terms. What is there stays.
 
     Needs the extra stratalux[assets]. Files come from public repositories at a fixed commit, must have the SHA-256 of
-    those that were measured with, and go to ~/.cache/stratalux/assets, or to --assets.
+    those that were measured with, and go to ~/.cache/stratalux/assets, or to --assets, which is made if need be.
 
     \b
     Examples:
       stratalux assets fetch
       stratalux assets fetch grace teapot
     """
-    lookup = Assets(folder or outer)
+    place = folder or outer
+    if place is not None and not Path(place).exists():
+        try:
+            Path(place).mkdir()
+        except OSError as error:
+            raise InputError(f"{place}: cannot be made ({error.strerror or error}); name another folder") from None
+    lookup = Assets(place)
     for name in names or ASSETS:
         asset = ASSETS[name]
         click.echo(f"{name}: {asset.what}; by {asset.owner}, {asset.source}; terms: {asset.terms}")
-        if not names and not asset.automatic and lookup.find(name) is None:
-            click.echo(f"  {lookup.by_hand(name)}")
-            continue
         click.echo(f"  {_fetch(lookup, name)}")
 
 
 def _fetch(lookup: Assets, name: str) -> str:
+    from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bars:
+    with progress_bar(*columns, transient=True) as bars:
         task = bars.add_task("", start=True)
         path = lookup.fetch(
             name, lambda file, done, total: bars.update(task, description=file, completed=done, total=total)
@@ -104,8 +105,6 @@ def _describe(lookup: Assets, asset: Asset) -> dict[str, Any]:
         "size": asset.size,
         "status": "missing" if found is None else "as measured" if found.as_measured else "differs",
         "path": None if found is None else str(found.path),
-        "automatic": asset.automatic,
-        "by_hand": None if asset.automatic else lookup.by_hand(asset.name),
         "files": [
             {"file": file.file, "sha256": file.sha256, "size": file.size, "url": file.url} for file in asset.files
         ],

@@ -3,46 +3,42 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
 
+from ..bench.settings import BenchSettings
+from ..rendering.settings import MachineSettings
+from .flags import flags
 from .output import write_json
+from .progress import console as standard_output
+from .progress import share_of_work
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from ..bench import BenchResult
     from ..bench.peers.records import PeersResult
 
 _TABLE_WIDTH = 150
 """Where the output is no terminal."""
-_SUITES = ("quick", "full")
+_SPEED_SECONDS = 600.0
+"""The time left follows from what was done in so many seconds."""
 
 
 @click.command()
-@click.option(
-    "--suite",
-    type=click.Choice(_SUITES),
-    default="quick",
-    show_default=True,
-    help="quick: five cases, minutes; full: 100 cases, an hour.",
-)
+@flags(bench=BenchSettings, machine=MachineSettings)
 @click.option("--json", "json_path", metavar="FILE", help="Write all figures there too; - prints them instead.")
-@click.option("-o", "--output", metavar="FOLDER", help="Folder of the results.  [default: bench-SUITE]")
-@click.option("--assets", "assets", metavar="DIR", help="Look there first for maps and meshes.")
-@click.option("-m", "--variant", help="Mitsuba variant.  [default: cuda_ad_rgb where it works, else llvm_ad_rgb]")
-@click.option("--peers", is_flag=True, help="Measure Cycles and LuxCore in the same scene too: stratalux[peers].")
-@click.option("--peers-python", metavar="PYTHON", help="Interpreter that has their packages.  [default: this one]")
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
-def bench(suite: str, **options: Any) -> None:
+def bench(bench: BenchSettings, machine: MachineSettings, json_path: str | None, quiet: bool) -> None:
     """Measure the default technique against the best of Mitsuba's own, at equal error, on real maps and meshes.
 
     The figure is the seconds that the best of Mitsuba's "direct" needs to reach our error, over ours: above 1, we are
-    ahead. Every sampler and split is tried for the other side. The folder gets results.json and bench.svg, .png; a run
-    that was interrupted goes on where it was. Nothing else should run on the machine meanwhile.
+    ahead. Every sampler and split is tried for the other side. Cases whose files are missing are left out; stratalux
+    assets fetch brings them. The folder gets results.json and bench.svg, .png; a run that was interrupted goes on where
+    it was. Nothing else should run on the machine meanwhile.
 
     \b
     Examples:
@@ -55,39 +51,20 @@ def bench(suite: str, **options: Any) -> None:
     from ..bench.picture import draw, why_no_picture
     from ..images.files import check_writable
 
-    json_path = options["json_path"]
     if json_path not in (None, "-"):
         check_writable(json_path)
-    folder = Path(options["output"] or f"bench-{suite}")
-    quiet = options["quiet"]
-    columns = (
-        TextColumn("measuring"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        TextColumn("{task.description}"),
-    )
-    console = Console(stderr=True)
-    with Progress(
-        *columns, console=console, disable=quiet or not sys.stderr.isatty(), speed_estimate_period=600
-    ) as bar:
-        task = bar.add_task("", total=1.0)
-        result = benchmark.run(
-            suite,
-            assets=options["assets"],
-            folder=folder,
-            variant=options["variant"],
-            peers=options["peers"] or options["peers_python"] is not None,
-            peers_python=options["peers_python"],
-            progress=lambda done, what: bar.update(task, completed=done, description=what),
-        )
+    folder = Path(bench.folder or f"bench-{bench.suite}")
+    bar, tell = share_of_work("measuring", quiet=quiet, speed_estimate_period=_SPEED_SECONDS)
+    with bar:
+        suite = benchmark.SUITES[bench.suite]
+        result = benchmark.run_suite(suite, replace(bench, folder=str(folder)), machine, progress=tell)
     missing = why_no_picture()
     if missing is None:
         draw(result, folder)
     elif not quiet:
         print(f"stratalux: note: {missing}", file=sys.stderr)
+    if left_out := result.about.get("left_out"):
+        print(f"stratalux: note: left out {len(left_out)}: {'; '.join(left_out)}", file=sys.stderr)
     if json_path is not None:
         write_json(json_path, result.to_json())
     if not quiet and json_path != "-":
@@ -96,10 +73,12 @@ def bench(suite: str, **options: Any) -> None:
 
 
 def _print(result: BenchResult) -> None:
+    from rich.table import Table
+
     from ..bench.markdown import marks
     from ..bench.records import REGIONS
 
-    console = Console(width=None if sys.stdout.isatty() else _TABLE_WIDTH, highlight=False)
+    console = standard_output(_TABLE_WIDTH)
     table = Table(title="Speed-up at equal error over the best of Mitsuba's direct", title_justify="left")
     table.add_column("case")
     table.add_column("our spp", justify="right")
@@ -136,11 +115,12 @@ def _print(result: BenchResult) -> None:
             )
     for raced in result.peers:
         _print_peers(console, raced)
-    floor = result.floor
-    console.print(
-        f"64 strata, 4 proposals: {floor['ratio']['median']:.2f} times the time of as many bare shadow rays "
-        f"({floor['ratio']['min']:.2f}-{floor['ratio']['max']:.2f})"
-    )
+    if result.floor is not None:
+        ratio = result.floor["ratio"]
+        console.print(
+            f"64 strata, 4 proposals: {ratio['median']:.2f} times the time of as many bare shadow rays "
+            f"({ratio['min']:.2f}-{ratio['max']:.2f})"
+        )
     for one in result.preparation:
         names = ("ours", "pinned", "mitsuba_array", "mitsuba_file")
         ours, pinned, array, file = (one["seconds"][name]["median"] for name in names)
@@ -153,6 +133,8 @@ def _print(result: BenchResult) -> None:
 
 
 def _print_peers(console: Console, raced: PeersResult) -> None:
+    from rich.table import Table
+
     from ..bench.markdown import plateau
 
     spp = ", ".join(str(point.spp) for point in raced.ours.points)

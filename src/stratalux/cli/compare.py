@@ -4,55 +4,38 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
 
-from .options import Counts, load, scene_options
+from ..comparison.settings import ComparisonSettings
+from ..rendering.settings import MachineSettings
+from ..scenes.settings import CameraSettings, SceneSettings
+from .flags import flags
+from .progress import console as standard_output
+from .progress import share_of_work
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 _TABLE_WIDTH = 110
 """Where the output is no terminal."""
 
 
 @click.command()
-@click.argument("scene")
-@scene_options
-@click.option(
-    "-t",
-    "--technique",
-    "techniques",
-    multiple=True,
-    required=True,
-    metavar="NAME[:key=value,...]",
-    help="What to compare; repeat for several.",
-)
-@click.option("--rays", type=Counts(), default="16,32,64,128,256", show_default=True, help="Rays per shading point.")
-@click.option(
-    "-s",
-    "--spp",
-    type=click.IntRange(min=1),
-    default=4,
-    show_default=True,
-    help="Samples per pixel; a technique whose rays are fixed gets more instead.",
-)
-@click.option(
-    "--repeats", type=click.IntRange(1, 100), default=3, show_default=True, help="Renderings with different seeds."
-)
-@click.option(
-    "--reference-spp",
-    type=click.IntRange(min=1),
-    default=4096,
-    show_default=True,
-    help="Samples per pixel of the reference.",
-)
-@click.option("--seed", type=click.IntRange(0, 65535), default=0, show_default=True, help="Seed of the random numbers.")
-@click.option("-o", "--output", help="Folder to write.  [default: compare-SCENE]")
+@flags(scene=SceneSettings, camera=CameraSettings, comparison=ComparisonSettings, machine=MachineSettings)
+@click.option("-o", "--output", metavar="FOLDER", help="Folder to write.  [default: compare-SCENE]")
 @click.option("--force", is_flag=True, help="Replace a folder of former results.")
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
-def compare(scene: str, **options: Any) -> None:
+def compare(
+    scene: SceneSettings,
+    camera: CameraSettings,
+    comparison: ComparisonSettings,
+    machine: MachineSettings,
+    output: str | None,
+    force: bool,
+    quiet: bool,
+) -> None:
     """Compare techniques on SCENE (as for render), at equal numbers of shadow rays and at equal time.
 
     Errors are measured against a reference that none of the techniques made; it is kept in ~/.cache/stratalux. The
@@ -66,45 +49,24 @@ def compare(scene: str, **options: Any) -> None:
           --technique stratified --technique stratified:proposals=8 --technique path -o metal
       stratalux compare scene.xml --technique direct:bsdf_samples=4 --technique path --reference-spp 16384
     """
-    from ..comparison.compare import compare as run_comparison  # Mitsuba is imported here, not before --help
-    from ..comparison.compare import parse_entries
-    from ..comparison.results import check_folder
-    from ..rendering.variants import choose_variant
+    import mitsuba as mi  # not before --help
 
-    stem = Path(scene).stem
-    folder = check_folder(options["output"] or f"compare-{stem}", force=options["force"])
-    choose_variant(options["variant"])
-    parse_entries(options["techniques"])  # before a large scene is loaded
-    loaded, _ = load(scene, options)
-    quiet = options["quiet"]
-    columns = (
-        TextColumn("comparing"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        TextColumn("{task.description}"),
-    )
-    with Progress(*columns, console=Console(stderr=True), disable=quiet or not sys.stderr.isatty()) as progress:
-        task = progress.add_task("", total=1.0)
-        result = run_comparison(
-            loaded,
-            options["techniques"],
-            rays=options["rays"],
-            spp=options["spp"],
-            repeats=options["repeats"],
-            seed=options["seed"],
-            reference_spp=options["reference_spp"],
-            name=stem,
-            progress=lambda done, what: progress.update(task, completed=done, description=what),
-        )
-    result.write(folder, force=options["force"])
+    from ..comparison.compare import run_comparison
+    from ..comparison.results import check_folder
+    from ..rendering.passes import activate
+
+    folder = check_folder(output or f"compare-{Path(scene.source).stem}", force=force)
+    machine = activate(machine)
+    mi.set_log_level(mi.LogLevel.Error)
+    bar, tell = share_of_work("comparing", quiet=quiet)
+    with bar:
+        result = run_comparison(scene, comparison, camera, machine, progress=tell)
+    result.write(folder, force=force)
     for note in result.notes:
         print(f"stratalux: note: {note}", file=sys.stderr)
     if quiet:
         return
-    console = Console(width=None if sys.stdout.isatty() else _TABLE_WIDTH, highlight=False)
+    console = standard_output(_TABLE_WIDTH)
     reference = result.reference
     plugin, *settings = (
         str(value) if key == "type" else f"{key}={value}" for key, value in reference.estimator.items()
@@ -123,6 +85,8 @@ _WHERE = {"surface": "errors over the pixels that are all surface", "image": "er
 
 
 def _table(title: str, result: Any, records: Any) -> Table:
+    from rich.table import Table
+
     table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("rays", justify="right")
     table.add_column("technique", overflow="fold")

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-
 import click
-from rich.console import Console
-from rich.table import Table
+
+from .progress import console
 
 
 @click.command()
@@ -18,6 +16,8 @@ def techniques() -> None:
       stratalux techniques
       stratalux render demo --technique importance:samples=32,sequence=sobol -o demo.png
     """
+    from rich.table import Table
+
     from ..integrators.techniques import techniques as all_techniques
     from ..rendering.variants import choose_variant
 
@@ -27,8 +27,7 @@ def techniques() -> None:
         properties = ", ".join(f"{name} ({_text(p.default)})" for name, p in technique.properties.items())
         biased = "no" if technique.unbiased else "yes"
         table.add_row(technique.name, biased, technique.summary, technique.source, properties)
-    wide = None if sys.stdout.isatty() else 220  # a pipe gets one line for each
-    Console(width=wide).print(table)
+    console(220).print(table)  # a pipe gets one line for each
 
 
 def _text(value: object) -> str:

@@ -6,10 +6,13 @@ nothing here knows one by name.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -18,11 +21,17 @@ import numpy as np
 from ..errors import InputError
 from ..images.metrics import Mask, why_no_flip
 from ..integrators.techniques import parse_technique
+from ..rendering.passes import activate
+from ..rendering.settings import MachineSettings
+from ..scenes.load import load_scene
+from ..scenes.settings import CameraSettings, SceneSettings
+from ..settings import Settings, command_line, documented
 from .contest import FLOOR_MARGIN, Contender, Judge, Meter, Progress, Rounds
 from .findings import Findings
 from .records import Entry, Record
-from .reference import SEED_STEP, choose_estimator, find_reference, make_reference
+from .reference import choose_estimator, find_reference, make_reference
 from .results import write_results
+from .settings import ComparisonSettings
 
 USUAL_MEAN = 0.2
 """The relative MSE is no longer relative in images that are much darker than this; a factor of 4 is worth a note."""
@@ -40,21 +49,17 @@ class Comparison(Findings):
         write_results(self, folder, force=force)
 
 
+@documented(ComparisonSettings, SceneSettings, CameraSettings, MachineSettings, without=("source", "techniques"))
 def compare(
-    scene: mi.Scene,
+    scene: mi.Scene | str | Path | SceneSettings,
     entries: Sequence[str],
     *,
-    rays: Sequence[int] = (16, 32, 64, 128, 256),
-    spp: int = 4,
-    repeats: int = 3,
-    seed: int = 0,
-    reference_spp: int = 4096,
-    sensor: int = 0,
-    name: str = "scene",
+    name: str | None = None,
     cache: Path | None = None,
     progress: Progress | None = None,
+    **settings: Any,
 ) -> Comparison:
-    """Compare techniques on ``scene``.
+    """Compare techniques on ``scene``, which is a loaded one, or what :func:`stratalux.load_scene` loads.
 
     ``entries``: techniques as ``NAME`` or ``NAME:key=value,...``. A pixel gets ``spp`` camera samples, or more where a
     technique takes a number of ``rays`` per shading point only by more samples. ``repeats``: renderings with different
@@ -68,14 +73,41 @@ def compare(
     Errors are measured against a reference from an estimator none of the entries use, over pixels that are all
     surface (``surface``) and over the whole ``image``. Raises :class:`InputError` for bad input.
     """
-    contestants = parse_entries(entries)
-    rays = _numbers_of_rays(rays)
-    for value, least, what in ((spp, 1, "spp"), (repeats, 1, "repeats"), (reference_spp, 1, "reference spp")):
-        if value < least:
-            raise InputError(f"{what}: {value} is too small; give at least {least}")
-    if not 0 <= seed < SEED_STEP:
-        raise InputError(f"seed: {seed} is out of range; give 0 to {SEED_STEP - 1}")
-    if not 0 <= sensor < len(scene.sensors()):
+    chosen = ComparisonSettings(techniques=tuple(entries), **_taken(ComparisonSettings, settings))
+    camera = CameraSettings(**_taken(CameraSettings, settings))
+    machine = MachineSettings(**_taken(MachineSettings, settings))
+    shown = None
+    if isinstance(scene, (str, os.PathLike)):
+        shown = SceneSettings(os.fspath(scene), **_taken(SceneSettings, settings))
+    if settings:
+        raise InputError(
+            f"setting '{min(settings)}': is unknown, or the scene is loaded already; give it to load_scene"
+        )
+    return run_comparison(shown or scene, chosen, camera, machine, name=name, cache=cache, progress=progress)
+
+
+def run_comparison(
+    asked: mi.Scene | SceneSettings,
+    chosen: ComparisonSettings,
+    camera: CameraSettings,
+    machine: MachineSettings,
+    *,
+    name: str | None = None,
+    cache: Path | None = None,
+    progress: Progress | None = None,
+) -> Comparison:
+    """The same from groups of settings; see :func:`compare`."""
+    scene: Any = asked
+    shown = asked if isinstance(asked, SceneSettings) else None
+    if shown is not None:
+        machine = activate(machine)
+        parse_entries(chosen.techniques)  # before a large scene is loaded
+        scene = load_scene(shown, camera)
+        name = name or Path(shown.source).stem
+    contestants = parse_entries(chosen.techniques)
+    rays, spp, repeats, seed, sensor = chosen.rays, chosen.spp, chosen.repeats, chosen.seed, camera.sensor
+    reference_spp = chosen.reference_spp
+    if sensor >= len(scene.sensors()):
         raise InputError(f"sensor {sensor}: the scene has {len(scene.sensors())}; add one or choose another")
     # All are loaded before any work is done: bad properties show at once.
     fields = [[Contender.at(scene, sensor, entry, n, spp) for entry in contestants] for n in rays]
@@ -124,7 +156,7 @@ def compare(
         equal_rays=tuple(equal_rays),
         equal_time=tuple(equal_time),
         settings={
-            "scene": name,
+            "scene": name or "scene",
             "variant": mi.variant(),
             "width": int(film.crop_size()[0]),
             "height": int(film.crop_size()[1]),
@@ -135,6 +167,7 @@ def compare(
             "repeats": repeats,
             "seed": seed,
             "sensor": sensor,
+            **_remembered(shown, chosen, camera, machine),
         },
         notes=[no_flip] if no_flip else [],
     )
@@ -195,9 +228,25 @@ def surface_mask(scene: mi.Scene, sensor: int = 0) -> Mask:
     return mask
 
 
-def _numbers_of_rays(rays: Sequence[int]) -> tuple[int, ...]:
-    if not rays:
-        raise InputError("rays: no number given; give for example 16,64,256")
-    if min(rays) < 1:
-        raise InputError(f"rays: {min(rays)} is too small; give at least 1")
-    return tuple(sorted(set(rays)))
+def _taken(group: type[Settings], settings: dict[str, Any]) -> dict[str, Any]:
+    """Take what belongs to ``group`` out of ``settings``."""
+    return {field.name: settings.pop(field.name) for field in fields(group) if field.name in settings}
+
+
+def _remembered(
+    shown: SceneSettings | None, chosen: ComparisonSettings, camera: CameraSettings, machine: MachineSettings
+) -> dict[str, Any]:
+    """All that the comparison was asked for, and the command that asks for it again, where one can."""
+    try:
+        command = shown and command_line("stratalux", "compare", shown, camera, chosen, machine)
+    except InputError:
+        command = None
+    return {
+        "asked": {
+            "scene": shown and shown.to_json(),
+            "camera": camera.to_json(),
+            "comparison": chosen.to_json(),
+            "machine": machine.to_json(),
+        },
+        "command": command,
+    }

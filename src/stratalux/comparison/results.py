@@ -17,7 +17,8 @@ defined, are null):
 - ``format``: "stratalux-comparison"; ``format_version``: 1; ``date``: UTC, ISO 8601; ``machine``: one line;
   ``versions``: by name; ``notes``: list of lines.
 - ``settings``: ``scene``, ``variant``, ``width``, ``height``, ``sampler``, ``filter``, ``rays``, ``spp``, ``repeats``,
-  ``seed``, ``sensor``, and ``exposure`` of the PNG images in stops.
+  ``seed``, ``sensor``, and ``exposure`` of the PNG images in stops; ``asked``: the groups of settings that the
+  comparison was made with (``scene`` is null for one that a program has loaded), and ``command``, which makes it again.
 - ``region``: "surface" or "image", the one that curves and tables show; ``surface_fraction`` of the pixels.
 - ``reference``: ``file``, ``standard_error_file``, ``estimator``, ``spp``, ``passes``, ``seconds``, ``cached``,
   ``key``, and for each region (below) ``mean`` over pixels and channels, ``relative_standard_error``,

@@ -6,7 +6,7 @@ import os
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,20 @@ def read_rgb(path: str | Path) -> NDArray[np.float32]:
     except (RuntimeError, ValueError, MemoryError) as error:
         raise InputError(f"{path}: cannot be read as an image ({one_line(error)}); give .exr, .hdr or .pfm") from None
     return np.array(bitmap)
+
+
+def read_metadata(path: str | Path) -> dict[str, Any]:
+    """What an OpenEXR file says besides its pixels. Raises :class:`InputError` if it cannot be read."""
+    import mitsuba as mi
+
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; give an .exr that stratalux has rendered")
+    try:
+        metadata = mi.Bitmap(str(path)).metadata()
+        return {name: metadata[name] for name in metadata}
+    except (RuntimeError, ValueError, MemoryError) as error:
+        raise InputError(f"{path}: cannot be read as an image ({one_line(error)}); give an .exr") from None
 
 
 def check_output(path: str | Path, suffixes: tuple[str, ...] = OUTPUT_SUFFIXES) -> Path:

@@ -42,7 +42,7 @@ class DirectIntegrator(mi.SamplingIntegrator):
         medium: mi.Medium | None = None,
         active: mi.Bool | bool = True,
     ) -> tuple[mi.Spectrum, mi.Bool, list[mi.Float]]:
-        """Radiance along ``ray``, whether it hit something, and no AOVs (Mitsuba's integrator interface)."""
+        """Radiance along ``ray``, its alpha, and no AOVs (Mitsuba's integrator interface)."""
         with no_garbage_collection():
             prepared = self.prepare(scene)
             others = OtherEmitters(scene, prepared is not None)
@@ -57,7 +57,7 @@ class DirectIntegrator(mi.SamplingIntegrator):
         ray: mi.RayDifferential3f,
         active: mi.Bool | bool,
     ) -> tuple[mi.Spectrum, mi.Bool]:
-        """Radiance along ``ray``, and whether it hit something; ``prepared`` is what :meth:`prepare` returns."""
+        """Radiance along ``ray``, and its alpha; ``prepared`` is what :meth:`prepare` returns."""
         active = mi.Bool(active)
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
         L = mi.Spectrum(0)
@@ -79,7 +79,8 @@ class DirectIntegrator(mi.SamplingIntegrator):
             L += others.emitter_sampling(scene, sampler, si, bsdf, smooth)
         if others.lights or _has_delta(scene):
             L += others.bsdf_sampling(scene, sampler, si, bsdf, valid)
-        return L, valid
+        # As in Mitsuba's path: an environment that can be seen covers all that is behind.
+        return L, valid if self.hide_emitters or scene.environment() is None else active
 
 
 class MisWithBsdf:

@@ -19,13 +19,14 @@ Value = bool | int | float | str
 class Property:
     """A property of an integrator: its default, which also gives its type, and what it means.
 
-    ``minimum`` bounds numbers, ``choices`` lists the admissible strings.
+    ``minimum`` and ``maximum`` bound numbers, which are counts; ``choices`` lists the admissible strings.
     """
 
     default: Value
     meaning: str
     minimum: float | None = None
     choices: tuple[str, ...] = ()
+    maximum: float = 1 << 20
 
     def parse(self, text: str, name: str) -> Value:
         """The value that ``text`` denotes; raises :class:`InputError`."""
@@ -45,6 +46,8 @@ class Property:
             raise InputError(f"{name}: {value!r} is not of type {kind.__name__}")
         if self.minimum is not None and not isinstance(value, str) and value < self.minimum:
             raise InputError(f"{name}: {value!r} is too small; give at least {self.minimum:g}")
+        if not isinstance(value, str) and value > self.maximum:
+            raise InputError(f"{name}: {value!r} is too large; give at most {self.maximum:g}")
         if self.choices and value not in self.choices:
             raise InputError(f"{name}: '{value}' is unknown; use one of {', '.join(self.choices)}")
         return value

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..errors import EnvironmentMapWarning, InputError
 from ..images.colour import LUMINANCE
 from .energy_table import EnergyTable
 from .geometry import row_weights
@@ -18,10 +18,6 @@ from .geometry import row_weights
 MIN_HEIGHT, MIN_WIDTH = 3, 2
 """Smaller maps are padded by replication of their edge, as Mitsuba's ``envmap`` does."""
 _ROWS = 16
-
-
-class EnvironmentMapWarning(UserWarning):
-    """Something in the map was repaired or is unusual."""
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ Coordinates: (X, Y, Z) = (−z, x, y) of the map's frame, so that Z is the map's
 from __future__ import annotations
 
 from functools import cache, lru_cache
+from math import factorial
 
 import numpy as np
-from numpy.polynomial.legendre import leg2poly, leggauss
+from numpy.polynomial.legendre import leg2poly, leggauss, legval
 from numpy.polynomial.polynomial import polyder
 from numpy.typing import NDArray
-from scipy.special import eval_legendre, factorial
 
 DEGREES = (0, 1, 2, 4, 6)
 """Of the other odd degrees, the clamped cosine has nothing."""
@@ -34,7 +34,7 @@ def zonal_coefficients() -> _Float:
     """A_l of max(0, t) = Σ_l (2l + 1) / 4π · A_l P_l(t), for :data:`DEGREES`; A_0 = π."""
     nodes, weights = leggauss(32)
     t, weight = (nodes + 1) / 2, weights / 2  # from 0 to 1, where the function is smooth
-    return np.array([2 * np.pi * np.sum(weight * t * eval_legendre(degree, t)) for degree in DEGREES])
+    return np.array([2 * np.pi * np.sum(weight * t * legval(t, [0] * degree + [1])) for degree in DEGREES])
 
 
 def clamped_cosine() -> _Float:
@@ -83,7 +83,8 @@ def _row_weights(height: int) -> NDArray[np.float32]:
     nodes, weight = leggauss(4 if height < _MANY_ROWS else 2)
     t, step = (nodes + 1) / 2, np.pi / (height - 1)
     theta = step * (np.arange(height - 1)[:, None] + t)
-    K = np.sqrt((2 * degree + 1) / (4 * np.pi) * factorial(degree - m) / factorial(degree + m) * np.where(m, 2, 1))
+    below, above = (np.array([factorial(n) for n in numbers.tolist()]) for numbers in (degree - m, degree + m))
+    K = np.sqrt((2 * degree + 1) / (4 * np.pi) * below / above * np.where(m, 2, 1))
     x, sin_θ = np.cos(theta), np.sin(theta)
     measure = sin_θ * weight * step / 2
     powers = np.cumprod([measure, *[-sin_θ] * max(DEGREES)], axis=0)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,9 +18,15 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..images.files import write_image
 from ..integrators.techniques import Value, parse_technique
+from ..scenes.load import load
+from ..settings import documented
+from .settings import GROUPS, METADATA, MachineSettings, PictureSettings, SamplingSettings
+from .variants import choose_variant, why_not
 
 _SAMPLES_PER_PASS = 1 << 25
 """Light samples in one pass: about a second on two cores. A constant, so that a seed always gives the same passes."""
+FIRST = 8
+"""Where there are several passes, the first is smaller by this factor: there is something to keep soon."""
 
 
 @dataclass
@@ -29,6 +36,7 @@ class RenderResult:
     ``bitmap``: the developed film. ``spp`` of ``spp_total`` samples per pixel are done. ``seconds``: rendering alone;
     ``preparation_seconds``: cutting the map and building tables; ``compile_seconds``: tracing and compiling kernels.
     ``camera_rays``, and ``shadow_rays`` towards the environment at most (none is traced where no light can arrive).
+    ``picture``: all that the image depends on; with an integrator of a program's own there is None.
     """
 
     bitmap: mi.Bitmap
@@ -40,6 +48,7 @@ class RenderResult:
     camera_rays: int
     shadow_rays: int
     settings: dict[str, Value]
+    picture: PictureSettings | None = None
 
     @property
     def image(self) -> NDArray[np.float32]:
@@ -50,6 +59,7 @@ class RenderResult:
         """What the OpenEXR file remembers."""
         return {
             **self.settings,
+            **({METADATA: self.picture.to_text()} if self.picture else {}),
             "spp": self.spp,
             "seconds": self.seconds,
             "renderTimeSeconds": self.seconds,
@@ -58,53 +68,83 @@ class RenderResult:
         }
 
     def write(self, path: str | Path, exposure: float | None = None) -> None:
-        """Write the image by the suffix of ``path``; see :func:`stratalux.images.files.write_image`."""
+        """Write the image by the suffix of ``path``; see :func:`stratalux.images.files.write_image`.
+
+        ``exposure``: None for that of the settings.
+        """
+        if exposure is None and self.picture is not None:
+            exposure = self.picture.output.exposure
         write_image(path, self.bitmap, self.metadata(), exposure)
 
 
-def render(scene: mi.Scene, **options: Any) -> RenderResult:
-    """Render ``scene`` and return the complete result; the options are those of :func:`render_passes`."""
-    *_, result = render_passes(scene, **options)
+@documented(*GROUPS.values(), without=("source",))
+def render(
+    scene: mi.Scene | str | Path | PictureSettings, *, integrator: mi.Integrator | None = None, **settings: Any
+) -> RenderResult:
+    """Render ``scene`` and return the complete result.
+
+    ``scene``: a loaded ``mi.Scene``, or a Mitsuba XML file, a mesh, or ``"demo"``, which are loaded as
+    :func:`stratalux.load_scene` does, or :class:`~.settings.PictureSettings`. An ``integrator`` of your own replaces
+    the technique. Raises :class:`InputError` for a scene without that camera and for a variant that cannot render.
+    """
+    *_, result = render_passes(scene, integrator=integrator, **settings)
     return result
 
 
+@documented(*GROUPS.values(), without=("source",))
 def render_passes(
-    scene: mi.Scene,
-    *,
-    technique: str = "stratified",
-    strata: int | None = None,
-    proposals: int | None = None,
-    hide_emitters: bool = False,
-    integrator: mi.Integrator | None = None,
-    spp: int = 0,
-    seed: int = 0,
-    sensor: int = 0,
+    scene: mi.Scene | str | Path | PictureSettings, *, integrator: mi.Integrator | None = None, **settings: Any
 ) -> Iterator[RenderResult]:
     """Render ``scene`` pass by pass, yielding the image so far after each; leave the loop to stop.
 
-    ``technique``: ``NAME[:key=value,...]``, see :func:`.techniques.techniques`; ``strata`` and ``proposals``
-    are short for those properties of ``stratified``. An ``integrator`` of your own replaces it. ``hide_emitters``:
-    leave the map out of the background. ``spp``: samples per pixel, 0 for the scene's own. Pass k uses ``seed`` + k.
-    ``sensor``: index of the camera.
-    Raises :class:`InputError` for a scene without that camera and for a variant that cannot render.
+    ``strata`` and ``proposals`` are short for those properties of ``stratified``. ``spp``: 0 for the scene's own. Pass
+    k uses ``seed`` + k. Everything else is as in :func:`render`.
     """
+    picture = scene if isinstance(scene, PictureSettings) else _settings(scene, settings)
+    shown = picture.scene
+    if shown is not None:
+        picture = replace(picture, machine=activate(picture.machine))
+        loaded = load(shown, picture.camera)
+        scene = loaded.scene
+        if loaded.hide_emitters:
+            picture = replace(picture, sampling=replace(picture.sampling, hide_emitters=True))
+    return _render_passes(scene, picture, integrator)
+
+
+def _settings(scene: Any, settings: dict[str, Any]) -> PictureSettings:
+    source = os.fspath(scene) if isinstance(scene, (str, os.PathLike)) else None
+    return PictureSettings.of(source, **settings)
+
+
+def activate(machine: MachineSettings) -> MachineSettings:
+    """Make the variant active that is asked for, else keep the one that is, if it can render; say which it is."""
+    active = mi.variant()
+    if machine.variant is None and active is not None and why_not(active) is None:
+        return replace(machine, variant=active)
+    return replace(machine, variant=choose_variant(machine.variant))
+
+
+def _render_passes(
+    scene: mi.Scene, picture: PictureSettings, integrator: mi.Integrator | None
+) -> Iterator[RenderResult]:
     if mi.variant() is None or mi.variant().startswith("scalar"):
         raise InputError(
             f"variant {mi.variant()}: rendering needs a vectorised one; mitsuba.set_variant('llvm_ad_rgb')"
         )
-    if not 0 <= sensor < len(scene.sensors()):
+    sensor, sampling = picture.camera.sensor, picture.sampling
+    if sensor >= len(scene.sensors()):
         raise InputError(f"sensor {sensor}: the scene has {len(scene.sensors())}; add one or choose another")
-    settings: dict[str, Value] = {}
+    about: dict[str, Value] = {}
     rays_per_sample = 2
+    own = integrator is not None
     if integrator is None:
-        named, given = parse_technique(technique)
-        given |= {key: n for key, n in (("strata", strata), ("proposals", proposals)) if n is not None}
-        settings = {"technique": named.name, **named.settings(given)}
-        rays_per_sample = named.shadow_rays(given)
-        integrator = mi.load_dict({**named.integrator(given), "hide_emitters": hide_emitters})
+        integrator, about, rays_per_sample = _integrator(sampling)
     camera = scene.sensors()[sensor]
     film = camera.film()
-    spp = spp or camera.sampler().sample_count()
+    spp = sampling.spp or camera.sampler().sample_count()
+    picture = replace(
+        picture, sampling=replace(sampling, spp=spp), machine=replace(picture.machine, variant=mi.variant())
+    )
     start = time.perf_counter()
     if hasattr(integrator, "prepare") and integrator.prepare(scene) is None:
         rays_per_sample = 0
@@ -113,7 +153,7 @@ def render_passes(
 
     pixels = int(np.prod(film.crop_size()))
     seconds, compiling = 0.0, 0.0
-    passes = _passes(integrator, scene, camera, seed, spp, pixels * max(1, work))
+    passes = _passes(integrator, scene, camera, sampling.seed, spp, pixels * max(1, work))
     while True:
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
             dr.kernel_history_clear()
@@ -136,8 +176,18 @@ def render_passes(
             compile_seconds=compiling,
             camera_rays=round(pixels * done),
             shadow_rays=round(pixels * done) * rays_per_sample,
-            settings={**settings, "integrator": " ".join(str(integrator).split()), "seed": seed},
+            settings={**about, "integrator": " ".join(str(integrator).split()), "seed": sampling.seed},
+            picture=None if own else picture,
         )
+
+
+def _integrator(sampling: SamplingSettings) -> tuple[mi.Integrator, dict[str, Value], int]:
+    """The integrator of a technique, its properties by name, and its shadow rays for a camera sample."""
+    technique, given = parse_technique(sampling.technique)
+    short = (("strata", sampling.strata), ("proposals", sampling.proposals))
+    given |= {key: n for key, n in short if n is not None}
+    integrator = mi.load_dict({**technique.integrator(given), "hide_emitters": sampling.hide_emitters})
+    return integrator, {"technique": technique.name, **technique.settings(given)}, technique.shadow_rays(given)
 
 
 def _passes(
@@ -162,11 +212,19 @@ def _passes(
 
 
 def _pass_sizes(spp: int, samples_per_spp: int) -> list[int]:
-    """Samples per pixel of each pass: a power of two, as the kernel is the same for all of those, and a rest."""
+    """Samples per pixel of each pass: powers of two, as the kernel is the same for all of those, and a rest.
+
+    Where one pass does not do, the first are smaller and double.
+    """
     size = max(1, _SAMPLES_PER_PASS // samples_per_spp)
-    size = min(spp, 1 << (size.bit_length() - 1))
-    passes, rest = divmod(spp, size)
-    return [size] * passes + [rest] * (rest > 0)
+    size = 1 << (size.bit_length() - 1)
+    if spp <= size:
+        return [spp]
+    first = max(1, size // FIRST)
+    sizes = [first]
+    while (done := sum(sizes)) < spp:
+        sizes.append(min(done, size, spp - done))
+    return sizes
 
 
 def _develop(film: mi.Film, raw: mi.TensorXf) -> mi.Bitmap:

@@ -40,12 +40,13 @@ from ..comparison import provenance
 from ..comparison.study import Study
 from ..images.files import write_atomically, write_picture
 from ..report.model import Chart, HeatMap, ImageSet, Picture, Report, Table
+from .request import ReproductionSettings
 from .settings import Settings
 
 FORMAT, FORMAT_VERSION = "stratalux-reproduction", 1
 
 
-def write_all(report: Report, study: Study, settings: Settings, folder: Path) -> None:
+def write_all(report: Report, study: Study, settings: Settings, request: ReproductionSettings, folder: Path) -> None:
     """Write everything but the steps."""
     head = {
         "format": FORMAT,
@@ -54,6 +55,7 @@ def write_all(report: Report, study: Study, settings: Settings, folder: Path) ->
         "machine": provenance.machine(),
         "versions": provenance.versions(),
         "settings": dataclasses.asdict(settings),
+        "asked": request.to_json(),
     }
     for name, content in (("claims", _claims(report)), ("results", _results(report, study))):
         _write_json(folder / f"{name}.json", head | content)

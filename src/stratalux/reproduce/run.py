@@ -19,6 +19,7 @@ from ..images.files import check_writable
 from ..report.model import Report, Section
 from .items import ITEMS
 from .output import write_all
+from .request import ReproductionSettings
 from .scenes import GROUND_LUMINANCE, Workbench
 from .settings import FULL, QUICK, Settings
 
@@ -46,17 +47,31 @@ def reproduce(
     The files are those of :mod:`stratalux.reproduce.output`. Raises :class:`InputError` for an unknown item, missing
     assets, and a folder that cannot be written or holds something else.
     """
-    chosen = [ITEMS[name] for name in item_names(items)]
-    settings = settings or (QUICK if quick else FULL)
-    bench = Workbench(settings, Assets(assets))
+    request = ReproductionSettings(
+        items=tuple(items),
+        quick=quick,
+        folder=str(folder),
+        assets=None if assets is None else str(assets),
+        force=force,
+    )
+    return run_reproduction(request, progress=progress, settings=settings)
+
+
+def run_reproduction(
+    request: ReproductionSettings, *, progress: Progress | None = None, settings: Settings | None = None
+) -> Report:
+    """The same from one object; see :func:`reproduce`."""
+    chosen = [ITEMS[name] for name in item_names(request.items)]
+    settings = settings or (QUICK if request.quick else FULL)
+    bench = Workbench(settings, Assets(request.assets))
     for name in sorted({name for item in chosen for name in item.assets}):
         bench.assets.require(name)
-    folder = check_folder(folder)
+    folder = check_folder(request.folder)
     if mi.variant() is None or mi.variant().startswith("scalar"):
         mi.set_variant("llvm_ad_rgb")
     if not mi.is_rgb:
         raise InputError(f"variant {mi.variant()}: the paper's figures are in RGB; use llvm_ad_rgb or cuda_ad_rgb")
-    if force:
+    if request.force:
         shutil.rmtree(folder / STEPS, ignore_errors=True)
     (folder / STEPS).mkdir(parents=True, exist_ok=True)
 
@@ -65,7 +80,7 @@ def reproduce(
     study = Study(folder / STEPS, common, sum(work.values()), progress)
     sections = tuple(item.run(study, bench) for item in chosen)
     report = _report(sections, bench)
-    write_all(report, study, settings, folder)
+    write_all(report, study, settings, request, folder)
     return report
 
 

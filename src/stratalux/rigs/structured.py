@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import label as label_image
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ..errors import InputError
 from ..maps.envmap import EnvironmentMap
@@ -113,6 +110,10 @@ def components(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
 
     Columns wrap around. The texels of a polar row are one place and hence connected.
     """
+    from scipy.ndimage import label as label_image  # not before it is needed: SciPy takes half a second
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     image, count = label_image(mask, structure=np.ones((3, 3)))
     pairs = [np.stack([image[:, 0], image[:, -1]]), np.stack([image[1:, 0], image[:-1, -1]])]
     pairs.append(np.stack([image[:-1, 0], image[1:, -1]]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ..maps.geometry import direction
 
@@ -25,6 +24,8 @@ def nearest(sites: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[
 
     Chords order like angles, so the cells are Voronoi cells on the sphere.
     """
+    from scipy.spatial import cKDTree  # not before it is needed: SciPy takes half a second
+
     return cKDTree(sites).query(points)[1]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,109 +11,72 @@ import mitsuba as mi
 import numpy as np
 
 from ..errors import InputError
-from ..images.files import one_line
 from ..integrators.environment import image_emitter
 from ..maps.envmap import EnvironmentMap
+from ..settings import documented
 from .demo import demo_scene
 from .materials import material as material_by_name
 from .mesh import FORMATS, load_mesh
+from .mitsuba_xml import load_xml
+from .settings import CameraSettings, SceneSettings
 from .stage import stage
 
-ENVIRONMENT_PLUGINS = ("envmap", "constant", "sunsky", "sky", "sun")
+USUAL_SIZE = (600, 400)
 
 
-def load_scene(
-    source: str | Path,
-    *,
-    environment: str | Path | EnvironmentMap | None = None,
-    rotate: tuple[float, float, float] = (0, 0, 0),
-    scale: float = 1.0,
-    material: str = "diffuse",
-    up: str | None = None,
-    size: tuple[int, int] | None = None,
-    parameters: Mapping[str, str] | None = None,
-) -> mi.Scene:
+@documented(SceneSettings, CameraSettings, without=("source",))
+def load_scene(source: str | Path | SceneSettings, camera: CameraSettings | None = None, **settings: Any) -> mi.Scene:
     """Load ``source``: a Mitsuba XML file, a mesh, or ``"demo"``.
 
-    A mesh is framed on a ground plane in ``material``, and needs an ``environment`` map; elsewhere the map replaces the
-    scene's own, in its orientation. ``rotate``: degrees about the world's x, y and z axes, in that order, and
-    ``scale``: both on top of what the scene says. ``up``: axis of the mesh file that points up. ``size``: (width,
+    A mesh is framed on a ground plane in ``material``, and needs an ``environment``: the file of a map, or an
+    :class:`EnvironmentMap`. Elsewhere the map replaces the scene's own, in its orientation. ``rotate`` (degrees about
+    the world's x, y and z axes, in that order) and ``scale`` come on top of what the scene says. ``size``: (width,
     height) of the film in pixels. ``parameters``: values of ``$name`` in the XML file.
 
     Raises :class:`InputError` with one line that says what is wrong.
     """
-    if isinstance(environment, (str, Path)):
+    if not isinstance(source, SceneSettings):
+        seen = {name: settings.pop(name) for name in ("size", "sensor") if name in settings}
+        source, camera = SceneSettings(str(source), **settings), camera or CameraSettings(**seen)
+    return load(source, camera or CameraSettings()).scene
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A scene, and what its file says besides: ``hide_emitters``, of the integrator that is replaced."""
+
+    scene: mi.Scene
+    hide_emitters: bool = False
+
+
+def load(shown: SceneSettings, camera: CameraSettings) -> Loaded:
+    """The same from settings, with what the file says that is no part of a scene; see :func:`load_scene`."""
+    environment = shown.environment
+    if isinstance(environment, str):
         environment = EnvironmentMap.load(environment)
-    source = Path(source)
-    suffix = source.suffix.lower()
-    if str(source) == "demo":
-        emitter = None if environment is None else envmap(environment)
-        scene = mi.load_dict(demo_scene(size or (600, 400), emitter=emitter))
+    emitter = None if environment is None else envmap(environment)
+    path, size = Path(shown.source), camera.size or USUAL_SIZE
+    suffix = path.suffix.lower()
+    hide_emitters = False
+    if shown.source == "demo":
+        scene = mi.load_dict(demo_scene(size, emitter=emitter))
     elif suffix == ".xml":
-        scene = _load_xml(source, environment, size, parameters or {})
+        bitmap = emitter and emitter["bitmap"]
+        scene, hide_emitters = load_xml(path, bitmap, camera.size, shown.definitions)
     elif suffix in FORMATS:
-        if environment is None:
-            raise InputError(f"{source}: a mesh brings no light; give an environment map with --env MAP")
-        scene = mi.load_dict(
-            stage(load_mesh(source, up), material_by_name(material), envmap(environment), size or (600, 400))
-        )
+        if emitter is None:
+            raise InputError(f"{path}: a mesh brings no light; give an environment map with --env MAP")
+        scene = mi.load_dict(stage(load_mesh(path, shown.up), material_by_name(shown.material), emitter, size))
     else:
         known = ", ".join((".xml", *sorted(FORMATS)))
-        raise InputError(f"{source}: unknown kind of scene; give {known}, or demo")
-    _orient(scene, rotate, scale)
-    return scene
+        raise InputError(f"{path}: unknown kind of scene; give {known}, or demo")
+    _orient(scene, shown.rotate, shown.scale)
+    return Loaded(scene, hide_emitters)
 
 
 def envmap(environment: EnvironmentMap) -> dict[str, Any]:
     """The Mitsuba emitter of a map, as a dictionary."""
     return {"type": "envmap", "bitmap": mi.Bitmap(environment.texels)}
-
-
-def _load_xml(
-    path: Path, environment: EnvironmentMap | None, size: tuple[int, int] | None, parameters: Mapping[str, str]
-) -> mi.Scene:
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; give a Mitsuba scene, a mesh, or demo")
-    config = mi.parser.ParserConfig(mi.variant())
-    outer = mi.file_resolver()
-    inner = mi.FileResolver(outer)
-    inner.prepend(str(path.resolve().parent))  # files are named relative to the scene
-    mi.set_file_resolver(inner)
-    try:
-        state = mi.parser.parse_file(config, str(path.resolve()), **parameters)
-        mi.parser.transform_all(config, state)
-        for node in state.nodes:
-            if node.type == mi.ObjectType.Film and size is not None:
-                node.props["width"], node.props["height"] = size
-        if environment is not None:
-            _put_environment(state, environment)
-        scene = mi.parser.instantiate(config, state)
-    except (RuntimeError, ValueError, TypeError) as error:
-        raise InputError(f"{path}: {one_line(error)}") from None
-    finally:
-        mi.set_file_resolver(outer)
-    scene = scene[0] if isinstance(scene, (list, tuple)) else scene
-    if not isinstance(scene, mi.Scene):
-        raise InputError(f"{path}: holds a {type(scene).__name__}, not a scene")
-    if not scene.sensors():
-        raise InputError(f"{path}: the scene has no sensor; add one")
-    return scene
-
-
-def _put_environment(state: mi.parser.ParserState, environment: EnvironmentMap) -> None:
-    """Replace the environment emitter of a parsed scene, keeping its orientation and scale, or add one."""
-    for node in state.nodes:
-        if node.type == mi.ObjectType.Emitter and node.props.plugin_name() in ENVIRONMENT_PLUGINS:
-            props = mi.Properties("envmap")
-            props.set_id(node.props.id())
-            if node.props.plugin_name() == "envmap":
-                for name in ("to_world", "scale", "mis_compensation"):
-                    if name in node.props:
-                        props[name] = node.props[name]
-            props["bitmap"] = mi.Bitmap(environment.texels)
-            node.props = props
-            return
-    state.root.props["environment"] = mi.load_dict(envmap(environment))
 
 
 def _orient(scene: mi.Scene, rotate: tuple[float, float, float], scale: float) -> None:

@@ -1,25 +1,23 @@
-"""Triangle meshes: reading them from files, turning them y-up, and giving them shading normals."""
+"""Triangle meshes: joining the parts of a file, turning them y-up, and giving them shading normals."""
 
 from __future__ import annotations
 
-import re
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
 
-from ..errors import InputError
+from ..errors import InputError, SceneWarning
+from .formats import READERS, read_model
+from .model import Floats, Model, Part
+from .normals import CREASE_DEGREES, cross, smooth_normals, unit
 
-Floats = npt.NDArray[np.floating[Any]]
-Indices = npt.NDArray[np.signedinteger[Any]]
+FORMATS = tuple(READERS)
 
-FORMATS = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
-
-CREASE_DEGREES = 40.0
-"""Edges that bend more than this stay sharp when a file brings no normals of its own."""
+FAR = 8.0
+"""A mesh whose centre is as many diagonals away from the origin is moved there: single precision would spoil it."""
 
 # Proper rotations that take the named axis of the file to +y.
 _TO_Y_UP: dict[str, tuple[tuple[int, int, int], ...]] = {
@@ -71,7 +69,7 @@ class TriangleMesh:
         normals = self.normals
         if normals is not None:
             # Normals go with the inverse transpose: they still point outwards under a reflection.
-            normals = _unit(normals @ np.linalg.pinv(linear)).astype(np.float32)
+            normals = unit(normals @ np.linalg.pinv(linear)).astype(np.float32)
         faces = self.faces[:, ::-1] if np.linalg.det(linear) < 0 else self.faces
         return TriangleMesh((self.vertices @ linear.T + matrix[:3, 3]).astype(np.float32), faces, normals)
 
@@ -79,40 +77,21 @@ class TriangleMesh:
 def load_mesh(path: str | Path, up: str | None = None) -> TriangleMesh:
     """Read a mesh from a .ply, .obj, .stl, .glb, .gltf or .off file, turned so that y is up.
 
-    All geometries of a file are joined with their transforms; materials and textures are ignored. `up`
+    All shapes of a file are joined where they stand; materials and textures are ignored. `up`
     names the axis of the file that points up ('x', 'y', 'z', '-x', '-y', '-z'); by default y, but z for
     .stl as is usual in CAD. Shading normals are those of the file, or else smooth across edges that bend
-    less than `CREASE_DEGREES`. Faces without area and vertices without a face are dropped. Raises
-    InputError for a file that is missing, unreadable, truncated, of another format, or without a surface.
+    less than `CREASE_DEGREES`. Faces without area and vertices without a face are dropped. A mesh that is `FAR` from
+    the origin is centred there; :func:`read_model` tells where it was. Raises InputError for a file
+    that is missing, unreadable, truncated, of another format, or without a surface.
     """
     path = Path(path)
-    extension = path.suffix.lower()
-    if extension not in FORMATS:
-        raise InputError(f"{path}: unknown mesh format '{path.suffix}'; use one of {' '.join(FORMATS)}")
-    up = ("z" if extension == ".stl" else "y") if up is None else up
+    up = ("z" if path.suffix.lower() == ".stl" else "y") if up is None else up
     if up not in _TO_Y_UP:
         raise InputError(f"{path}: up axis '{up}' is unknown; use one of {' '.join(_TO_Y_UP)}")
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such mesh file; check the path")
-
-    parts = [_part(path, *entry) for entry in _read(path)]
-    found = sum(len(part.faces) for part in parts)
-    if found == 0:
-        raise InputError(f"{path}: the mesh has no faces; export it as a triangle surface")
-    declared = _declared_faces(path)
-    if found < declared:
-        raise InputError(f"{path}: cut short at {found} of the {declared} faces it declares; copy it again")
-    parts = [part for part in map(_cleaned, parts) if len(part.faces)]
-    if not parts:
-        raise InputError(f"{path}: the mesh has zero extent (no face has an area); export it again")
-    offsets = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
-    turn = np.eye(4)
-    turn[:3, :3] = _TO_Y_UP[up]
-    return TriangleMesh(
-        np.concatenate([part.vertices for part in parts]),
-        np.concatenate([part.faces + np.uint32(offset) for part, offset in zip(parts, offsets, strict=True)]),
-        np.concatenate([part.normals for part in parts if part.normals is not None]),
-    ).transformed(turn)
+    try:
+        return _joined(path, read_model(path), np.array(_TO_Y_UP[up], dtype=np.float64))
+    except MemoryError:
+        raise InputError(f"{path}: its triangles do not fit into memory; make it smaller") from None
 
 
 def smooth_shaded(mesh: TriangleMesh, crease_degrees: float = CREASE_DEGREES) -> TriangleMesh:
@@ -122,126 +101,112 @@ def smooth_shaded(mesh: TriangleMesh, crease_degrees: float = CREASE_DEGREES) ->
     a vertex share a normal (the mean of their faces', weighted by the corner angles) when they are
     connected through smooth edges; each such group becomes one vertex of the result.
     """
-    faces = mesh.faces.astype(np.int64)
-    points = mesh.vertices.astype(np.float64)[faces]
-    face_normals = _unit(_cross(points))
-    group = _smooth_groups(_welded(mesh.vertices)[faces], face_normals, np.cos(np.radians(crease_degrees)))
+    index, faces, normals = smooth_normals(mesh.vertices, mesh.faces, crease_degrees)
+    return TriangleMesh(mesh.vertices[index], faces.astype(np.uint32), normals.astype(np.float32))
 
-    _, first, index = np.unique(group, return_index=True, return_inverse=True)
-    weighted = (face_normals[:, None, :] * _corner_angles(points)[:, :, None]).reshape(-1, 3)
-    normals: Floats = np.column_stack([np.bincount(index, weights, len(first)) for weights in weighted.T])
-    # The faces of a needle can cancel out; any of their own normals is then as good as another.
-    cancelled = np.linalg.norm(normals, axis=1) < 1e-9
-    normals[cancelled] = face_normals[first[cancelled] // 3]
+
+def _joined(path: Path, model: Model, turn: Floats) -> TriangleMesh:
+    """All instances of a model as one mesh, turned by a (3, 3) rotation. `path` is what errors speak of."""
+    known: dict[tuple[int, bytes], tuple[TriangleMesh | None, Floats]] = {}
+    shapes: list[TriangleMesh] = []
+    places: list[Floats] = []
+    replaced = 0
+    for instance in model.instances:
+        linear = turn @ instance.matrix[:3, :3]
+        # Creases and shading normals depend on angles: a map that changes these comes before them.
+        before, after = (np.eye(3), linear) if _keeps_angles(linear) else (linear, np.eye(3))
+        key = (instance.part, before.tobytes())
+        if key not in known:
+            shape, centre, count = _shape(path, model.parts[instance.part], before)
+            known[key] = shape, centre
+            replaced += count
+        shape, centre = known[key]
+        if shape is not None:
+            places.append(after @ centre + turn @ instance.matrix[:3, 3])
+            shapes.append(shape.transformed(np.block([[after, np.zeros((3, 1))], [np.eye(4)[3:]]])))
+    if replaced:
+        warnings.warn(
+            f"{path}: the normals of {replaced} faces are not usable; they are computed from the faces",
+            SceneWarning,
+            stacklevel=3,
+        )
+    if not shapes:
+        raise InputError(f"{path}: the mesh has zero extent (no face has an area); export it again")
+    firsts = np.cumsum([0] + [len(shape.vertices) for shape in shapes])
+    if firsts[-1] > np.iinfo(np.uint32).max:
+        raise InputError(f"{path}: {firsts[-1]} vertices are too many for one mesh; make it smaller")
+    bounds = np.array([shape.bounds + place for shape, place in zip(shapes, places, strict=True)])
+    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    centre = (low + high) / 2
+    origin = centre if np.abs(centre).max() > FAR * np.linalg.norm(high - low) else np.zeros(3)
+    with np.errstate(over="ignore"):
+        vertices = [(s.vertices + (place - origin)).astype(np.float32) for s, place in zip(shapes, places, strict=True)]
+    mesh = TriangleMesh(
+        np.concatenate(vertices),
+        np.concatenate([shape.faces + np.uint32(first) for shape, first in zip(shapes, firsts, strict=False)]),
+        np.concatenate([shape.normals for shape in shapes if shape.normals is not None]),
+    )
+    if not np.isfinite(mesh.vertices).all():
+        raise InputError(f"{path}: a vertex is not a finite float32 number; repair the mesh")
+    return mesh
+
+
+def _shape(path: Path, part: Part, linear: Floats) -> tuple[TriangleMesh | None, Floats, int]:
+    """A part under a linear map (3, 3), without faces that have no area, moved so that its centre is the origin.
+
+    Returns it with normals (None where nothing is left), where its centre was, and how many faces have normals in the
+    file that are not usable.
+    """
+    with np.errstate(all="ignore"):
+        vertices = part.vertices @ linear.T
+        points = vertices[part.faces]
+        faces = part.faces[np.any(cross(points) != 0, axis=1)]
+    if not np.isfinite(points).all():
+        raise InputError(f"{path}: a vertex is not a finite float32 number; repair the mesh")
+    if not len(faces):
+        return None, np.zeros(3), 0
+    used, index = np.unique(faces, return_inverse=True)
+    triangles = index.reshape(-1, 3).astype(np.uint32)
+    if np.linalg.det(linear) < 0:
+        triangles = triangles[:, ::-1]
+    vertices = vertices[used]
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    centre = low + (high - low) / 2
+    with np.errstate(over="ignore"):
+        local = (vertices - centre).astype(np.float32)
+    if not np.isfinite(local).all():
+        raise InputError(f"{path}: a vertex is not a finite float32 number; repair the mesh")
+    if part.normals is None:
+        return smooth_shaded(TriangleMesh(local, triangles)), centre, 0
+    # Normals go with the inverse transpose.
+    with np.errstate(all="ignore"):
+        normals = unit(part.normals[used] @ np.linalg.pinv(linear))
+        usable = np.all(np.abs(np.linalg.norm(normals, axis=1) - 1)[triangles] < 1e-3, axis=1)
+    given = np.any(~np.isnan(part.normals[used].sum(axis=1))[triangles], axis=1)
+    return _shaded(local, triangles, normals.astype(np.float32), usable), centre, int(np.sum(given & ~usable))
+
+
+def _shaded(
+    vertices: npt.NDArray[np.float32],
+    faces: npt.NDArray[np.uint32],
+    normals: npt.NDArray[np.float32],
+    usable: npt.NDArray[np.bool_],
+) -> TriangleMesh:
+    """A mesh with its normals where those at a face are usable, and with smooth ones elsewhere."""
+    if usable.all():
+        return TriangleMesh(vertices, faces, normals)
+    new = smooth_shaded(TriangleMesh(vertices, faces[~usable]))
+    assert new.normals is not None
+    used, index = np.unique(faces[usable], return_inverse=True)
     return TriangleMesh(
-        mesh.vertices[faces.ravel()[first]],
-        index.reshape(-1, 3).astype(np.uint32),
-        _unit(normals).astype(np.float32),
+        np.concatenate([vertices[used], new.vertices]),
+        np.concatenate([index.reshape(-1, 3), new.faces + len(used)]).astype(np.uint32),
+        np.concatenate([normals[used], new.normals]),
     )
 
 
-def _read(path: Path) -> list[tuple[trimesh.Trimesh, Floats]]:
-    """The geometries with faces of a file, each with its (4, 4) transform into the scene."""
-    try:
-        scene = trimesh.load_scene(path, process=False, skip_materials=True)
-        placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
-    # What a reader raises on a damaged file is anybody's guess, from IndexError to a missing module.
-    except Exception as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:120]
-        raise InputError(f"{path}: unreadable as {path.suffix} ({reason}); export it again") from error
-    entries = [(scene.geometry[name], transform) for transform, name in placed]
-    return [entry for entry in entries if isinstance(entry[0], trimesh.Trimesh)]
-
-
-def _part(path: Path, geometry: trimesh.Trimesh, transform: Floats) -> TriangleMesh:
-    """One geometry in scene coordinates, with the normals that its file stored (None without)."""
-    # Asking for geometry.vertex_normals computes them; stored ones sit in the cache from the start.
-    stored = geometry._cache["vertex_normals"]
-    try:
-        with np.errstate(over="ignore", invalid="ignore"):
-            part = TriangleMesh(geometry.vertices, geometry.faces, stored).transformed(transform)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    if not np.isfinite(part.vertices[part.faces]).all():
-        raise InputError(f"{path}: a vertex is not a finite float32 number; repair the mesh")
-    return part
-
-
-def _declared_faces(path: Path) -> int:
-    """How many polygons the header of a PLY or OFF file promises; 0 where there is no such promise."""
-    with path.open("rb") as file:
-        head = file.read(4096).decode("latin-1")
-    pattern = {".ply": r"^element\s+face\s+(\d+)", ".off": r"\A\s*OFF\s+(?:#[^\n]*\n\s*)*\d+\s+(\d+)"}
-    match = re.search(pattern.get(path.suffix.lower(), r"(?!)"), head, re.MULTILINE)
-    return int(match.group(1)) if match else 0
-
-
-def _cleaned(mesh: TriangleMesh) -> TriangleMesh:
-    """The mesh without zero-area faces and unused vertices; normals its own if all are usable, else new."""
-    area = np.linalg.norm(_cross(mesh.vertices.astype(np.float64)[mesh.faces]), axis=1)
-    used, index = np.unique(mesh.faces[area > 0], return_inverse=True)
-    normals = None if mesh.normals is None else mesh.normals[used]
-    cleaned = TriangleMesh(mesh.vertices[used], index.reshape(-1, 3).astype(np.uint32), normals)
-    usable = normals is not None and np.allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-3)
-    return cleaned if usable or not len(used) else smooth_shaded(cleaned)
-
-
-def _welded(vertices: Floats) -> Indices:
-    """For each of the (V, 3) vertices a number that is the same for all vertices at its place."""
-    order = np.lexsort(vertices.T)
-    new = np.any(np.diff(vertices[order], axis=0) != 0, axis=1)
-    place = np.empty(len(vertices), dtype=np.int64)
-    place[order] = np.concatenate([[0], np.cumsum(new)])
-    return place
-
-
-def _smooth_groups(corners: Indices, face_normals: Floats, cosine: float) -> Indices:
-    """For each of the 3F corners (welded vertices, (F, 3)) the lowest corner that it shares a normal with."""
-    low = np.minimum(corners, np.roll(corners, -1, axis=1))
-    high = np.maximum(corners, np.roll(corners, -1, axis=1))
-    start = np.arange(corners.size).reshape(-1, 3)
-    end = np.roll(start, -1, axis=1)
-    at_low, at_high = np.where(corners == low, [start, end], [end, start]).reshape(2, -1)
-    edge = (low * (corners.max() + 1) + high).ravel()
-    order = np.argsort(edge, kind="stable")
-    links = []
-    # An edge has two sides; four where surfaces touch or every face comes twice, once per orientation.
-    for step in (1, 2, 3):
-        a, b = order[:-step], order[step:]
-        bend = np.einsum("ij,ij->i", face_normals[a // 3], face_normals[b // 3])
-        keep = (edge[a] == edge[b]) & (bend > cosine)
-        a, b = a[keep], b[keep]
-        links += [np.stack([at_low[a], at_low[b]]), np.stack([at_high[a], at_high[b]])]
-    return _components(corners.size, np.concatenate(links, axis=1))
-
-
-def _components(count: int, links: Indices) -> Indices:
-    """The lowest member of the connected component of each of `count` nodes, given (2, L) links."""
-    root = np.arange(count)
-    while True:
-        ends = root[links]
-        lowest = ends.min(axis=0)
-        if np.array_equal(lowest, ends.max(axis=0)):
-            return root
-        # Hang the higher root below the lower one, then flatten: a logarithmic number of rounds.
-        np.minimum.at(root, ends.max(axis=0), lowest)
-        while not np.array_equal(root, root[root]):
-            root = root[root]
-
-
-def _corner_angles(points: Floats) -> Floats:
-    """The angles (F, 3) in radians at the corners of triangles given by their points (F, 3, 3)."""
-    ahead = _unit(np.roll(points, -1, axis=1) - points)
-    cosines = -np.einsum("fij,fij->fi", ahead, np.roll(ahead, 1, axis=1))
-    return np.asarray(np.arccos(np.clip(cosines, -1, 1)))
-
-
-def _cross(points: Floats) -> Floats:
-    """Twice the area vectors (F, 3) of triangles given by their points (F, 3, 3)."""
-    return np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
-
-
-def _unit(vectors: Floats) -> Floats:
-    """The vectors (..., 3) scaled to length one; zero vectors stay zero."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.where(length > 0, length, 1))
+def _keeps_angles(linear: Floats) -> bool:
+    """Whether a linear map (3, 3) is a rotation or a reflection, times a scale."""
+    gram = linear.T @ linear
+    scale = np.trace(gram) / 3
+    return bool(scale > 0 and np.abs(gram - scale * np.eye(3)).max() < 1e-5 * scale)

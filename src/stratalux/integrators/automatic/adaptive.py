@@ -31,6 +31,8 @@ _STEPS = 64
 """Of the logarithm of what a pixel needs, for each doubling."""
 _APART, _UNLIKE = 0.05, 0.01
 """Squared distance of marks at which a pixel counts half for another, and what any counts at least."""
+_DOUBT = 3.0
+"""Variance of a part of the pilot over the square of its mean, beyond whose inverse a pixel's share shrinks."""
 _REACH = 2
 """Pixels around that tell what a pixel needs."""
 
@@ -120,6 +122,8 @@ def _needs(
     # made of. Sums around the pixel come first, or it would have a part in the shares of those that it is judged by.
     share = dr.select(squares > 0, dr.clip(-covariance / squares, 0, 1), 0)
     spread = dr.maximum(variance + share * (2 * covariance + share * squares), 0)
+    # Where much is left beside the mean, light is mostly shadow. A full share would leave some pixels below zero there.
+    share *= dr.minimum(1, mean * mean / (_DOUBT * spread + _TINY))
     need = dr.log2(dr.maximum(spread / (mean * mean + dim * dim + _TINY), _TINY)) / (1 + CONVERGENCE)
     return mi.Int32(dr.round(_STEPS * need)), level, share
 

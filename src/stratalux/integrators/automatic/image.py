@@ -22,6 +22,8 @@ _Pixels = NDArray[np.float32]
 
 LAUNCH = 1 << 21
 """Camera samples of one launch, about: a second on two cores."""
+FIRST = 8
+"""Where there are several launches, the first is smaller by this factor: there is something to see soon."""
 PARTS = 4
 """Of a pilot, whose differences tell its error."""
 
@@ -104,10 +106,8 @@ class Automatic(AutomaticSample):
         view.learn()
         counts = plan.counts.ravel() - few
         expected = dr.maximum(plan.level, dim)
-        rounds = 1 if shared is not None else -(-int(counts.sum()) // LAUNCH)
         block = view.film.create_block()
-        for k in range(rounds):
-            start, end = k * counts // rounds, (k + 1) * counts // rounds
+        for k, (start, end) in enumerate(view.launches(counts)):
             samples = shared if shared is not None else launcher.light_samples(mix(mix(seed) + mi.UInt32(k + 1)))
             lanes = view.samples(few + start, end - start, seed, expected, samples)
             L = lanes.L + dr.gather(mi.Float, plan.share, lanes.pixel) * lanes.difference
@@ -146,6 +146,22 @@ class _View:
         self.pixels = self.width * self.height
         self.counts: tuple[mi.UInt32, mi.UInt32] | None = None
         self.learned: mi.Float | None = None
+
+    def launches(self, counts: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """The samples of each pixel from which and up to which a launch goes, until there are ``counts``.
+
+        Where one launch does not do, the first are smaller and double; every one goes over the whole image.
+        """
+        total = int(counts.sum())
+        row = np.repeat((np.arange(self.height) + 0.5) / self.height, self.width)  # where the fractions change
+        start, done, step = np.zeros_like(counts), 0, LAUNCH if total <= LAUNCH else LAUNCH // FIRST
+        while done < total:
+            done = min(done + step, total)
+            step = max(step, min(done, LAUNCH))
+            end = np.floor(counts * (done / total) + row).astype(np.int64)
+            if (end > start).any():
+                yield start, end
+                start = end
 
     def samples(
         self,
@@ -194,13 +210,9 @@ class _Pilot:
     def passes(self, seed: mi.UInt32, dim: float) -> Iterator[float]:
         """Launch by launch, the samples per pixel so far."""
         view, count = self.view, self.count
-        none, expected = np.zeros(view.pixels, dtype=np.int64), dr.opaque(mi.Float, dim)
-        rounds = -(-view.pixels * count // LAUNCH)
-        for k in range(rounds):
-            start, end = k * view.height // rounds * view.width, (k + 1) * view.height // rounds * view.width
-            number = none.copy()
-            number[start:end] = count
-            lanes = view.samples(none, number, seed, expected, self._shared)
+        expected = dr.opaque(mi.Float, dim)
+        for first, last in view.launches(np.full(view.pixels, count)):
+            lanes = view.samples(first, last - first, seed, expected, self._shared)
             group = lanes.index * dr.opaque(mi.UInt32, self.parts) // dr.opaque(mi.UInt32, count)
             for sums, value in zip(self._sums, (lanes.L, lanes.difference), strict=True):
                 for c in range(3):
@@ -210,7 +222,7 @@ class _Pilot:
             view.put(self._images[0], lanes, lanes.L, lanes.valid, weight)
             view.put(self._images[1], lanes, lanes.difference, mi.Bool(False), weight)
             dr.eval(*(block.tensor() for block in self._images), self._sums)
-            yield count * end / view.pixels
+            yield float(last.mean())
 
     def image(self, share: NDArray[np.float32] | float) -> _Pixels:
         """The image, with a ``share`` of the variate's difference in each pixel."""

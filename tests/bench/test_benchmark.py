@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import sys
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import mitsuba as mi
 import numpy as np
@@ -11,11 +14,11 @@ import pytest
 
 from stratalux import bench
 from stratalux.assets import Assets
-from stratalux.bench import candidates, measure
+from stratalux.bench import Case, candidates, measure
 from stratalux.bench.floor import bare_rays
 from stratalux.bench.preparation import synthetic_map
 from stratalux.bench.scenes import load_setting
-from tests.bench.made_up import TINY, make_assets
+from tests.bench.made_up import TINY, bench_result, make_assets
 from tests.helpers import asset, run
 
 
@@ -88,11 +91,33 @@ def test_missing_assets_take_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(Assets, "find", lambda self, name: None if name in ("sky", "teapot") else tmp_path)
+    monkeypatch.setattr(Assets, "find", lambda self, name: None)
     assert run(monkeypatch, "bench") == 2
     error = capsys.readouterr().err
-    assert error.count("\n") == 1 and error.startswith("stratalux: error: missing asset(s): sky, teapot, looked for in")
+    assert error.count("\n") == 1 and error.startswith("stratalux: error: no case has its files: ")
+    assert error.endswith("type: stratalux assets fetch\n")
     assert not any(tmp_path.iterdir())
+
+
+def test_cases_whose_files_are_missing_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The others are measured, and the result says which were not."""
+    benchmark = sys.modules["stratalux.bench.benchmark"]
+    here, there = (replace(TINY.cases[0], map=name) for name in ("grace", "venice"))
+    suite = replace(TINY, cases=(here, there), open_cases=(), preparation=())
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(Assets, "find", lambda self, name: None if name == "venice" else tmp_path / "file")
+    monkeypatch.setattr(benchmark, "measure_floor", lambda *_: {"ratio": {}})
+    seen = []
+
+    def measured(case: Case, *_: object, **more: object) -> object:
+        seen.append(case)
+        return SimpleNamespace(to_json=bench_result().cases[0].to_json)
+
+    monkeypatch.setattr(benchmark, "measure_case", measured)
+    result = bench.run(suite, folder=tmp_path / "out", assets=tmp_path)
+    assert seen == [here] and len(result.cases) == 1
+    assert result.about["left_out"] == [f"{there.name} (venice missing)"]
+    assert json.loads((tmp_path / "out" / "results.json").read_text())["left_out"] == result.about["left_out"]
 
 
 @pytest.mark.parametrize(
@@ -122,14 +147,13 @@ def test_bad_arguments_take_one_line(
 def test_the_command_prints_a_table_or_json(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from tests.bench.made_up import bench_result
-
-    def fake(suite: str, *, folder: Path, **options: object) -> bench.BenchResult:
-        folder.mkdir(exist_ok=True)
+    def fake(suite: bench.Suite, asked: bench.BenchSettings, *machine: object, **more: object) -> bench.BenchResult:
+        assert asked.folder is not None
+        Path(asked.folder).mkdir(exist_ok=True)
         return bench_result()
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(bench, "run", fake)
+    monkeypatch.setattr(bench, "run_suite", fake)
     assert run(monkeypatch, "bench") == 0
     printed = capsys.readouterr().out
     for text in ("teapot-metal-sky-open", "surfaces: geometric mean 1.00", "worst teapot-metal-sky 0.50", "8.00"):

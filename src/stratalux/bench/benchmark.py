@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import gc
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +16,11 @@ from ..comparison.provenance import machine, versions
 from ..comparison.study import Study
 from ..errors import InputError
 from ..images.files import check_writable
+from ..rendering.settings import MachineSettings
 from ..rendering.variants import choose_variant
+from ..settings import documented
 from .candidates import OURS
-from .cases import Suite, find_suite
+from .cases import Case, Suite, find_suite
 from .floor import CASE as FLOOR_CASE
 from .floor import measure_floor
 from .measure import measure_case, settings_of
@@ -29,6 +31,7 @@ from .peers.worker import find_peers
 from .preparation import measure_preparation
 from .records import CaseResult
 from .results import FORMAT, VERSION, BenchResult
+from .settings import BenchSettings
 
 Progress = Callable[[float, str], None]
 """Told the fraction of the run that is done, and what is going on."""
@@ -40,33 +43,57 @@ _NOT_MEASURED = ("bench", "cli", "report", "reproduce")
 """Folders of the package that what is measured does not depend on; :data:`VERSION` stands for the first."""
 
 
+@documented(BenchSettings, MachineSettings, without=("suite", "assets", "folder"))
 def run(
     suite: str | Suite = "quick",
     *,
     assets: str | Path | Assets | None = None,
     folder: str | Path | None = None,
     cache: Path | None = None,
-    variant: str | None = None,
-    peers: bool = False,
-    peers_python: str | None = None,
     progress: Progress | None = None,
+    **settings: Any,
 ) -> BenchResult:
     """Measure how long the best of Mitsuba's ``direct`` needs for our error, over what we need.
 
-    ``suite``: "quick" (minutes), "full" (hours), or one of your own. ``assets``: folder to look through first.
-    ``folder``: by default ``bench-SUITE``; gets ``results.json`` and, in ``steps``, what an interrupted run resumes
-    from: the steps of other code, of another machine or of other versions are not used. ``cache``: folder for
-    references instead of the usual one. ``variant``: of Mitsuba; it stays active. ``peers``: measure Cycles and LuxCore
-    too, with the packages of the interpreter ``peers_python``, by default this one.
+    ``suite``: "quick" (minutes), "full" (hours), or one of your own. ``assets``: folder to look through first; cases
+    whose files are not there are left out, and noted. ``folder``: by default ``bench-SUITE``; gets ``results.json``
+    and, in ``steps``, what an interrupted run resumes from: the steps of other code, of another machine or of other
+    versions are not used. ``cache``: folder for references instead of the usual one. The ``variant`` stays active.
+    ``peers``: measure Cycles and LuxCore too, with the packages of the interpreter ``peers_python``.
 
-    Raises :class:`InputError` for missing assets and packages, before any work is done.
+    Raises :class:`InputError` for missing packages, and where no case has its files, before any work is done.
     """
-    suite = find_suite(suite)
-    assets = assets if isinstance(assets, Assets) else Assets(assets)
-    folder = Path(folder or f"bench-{suite.name}")
+    machine = MachineSettings(**({"variant": settings.pop("variant")} if "variant" in settings else {}))
+    chosen = find_suite(suite)
+    own = Assets(assets) if not isinstance(assets, Assets) else assets
+    settings |= {"suite": suite} if isinstance(suite, str) else {}
+    settings |= {"assets": own.folder and str(own.folder), "folder": folder and str(folder)}
+    asked = BenchSettings(**settings)
+    return run_suite(chosen, asked, machine, assets=own, cache=cache, progress=progress)
+
+
+def run_suite(
+    suite: Suite,
+    asked: BenchSettings,
+    machine_settings: MachineSettings,
+    *,
+    assets: Assets | None = None,
+    cache: Path | None = None,
+    progress: Progress | None = None,
+) -> BenchResult:
+    """The same from groups of settings; see :func:`run`."""
+    assets = assets or Assets(asked.assets)
+    folder = Path(asked.folder or f"bench-{suite.name}")
+    peers, peers_python = asked.peers or asked.peers_python is not None, asked.peers_python
     packages = find_peers(peers_python) if peers else {}
-    _check(suite, assets, folder)
-    variant = choose_variant(variant)
+    cases, left_out = _at_hand(suite.all_cases, assets)
+    if not cases:
+        raise InputError(f"no case has its files: {left_out[0]}; type: stratalux assets fetch")
+    peer_cases, without = _at_hand(PEER_CASES if peers else (), assets)
+    floor_cases, bare = _at_hand((FLOOR_CASE,), assets)
+    left_out += [*(f"peers: {one}" for one in without), *(f"bare shadow rays: {one}" for one in bare)]
+    _check(folder)
+    variant = choose_variant(machine_settings.variant)
     if peers and not variant.startswith("llvm"):
         raise InputError(f"--peers: the others render on the CPU, {variant} would not; add -m llvm_ad_rgb")
     mi.set_log_level(mi.LogLevel.Error)
@@ -78,33 +105,35 @@ def run(
         "source_sha256": source_sha256(),
     }
     work = {size: _PREPARATION_SECONDS + _SECONDS_PER_TEXEL * size[0] * size[1] for size in suite.preparation}
-    total = suite.seconds * len(suite.all_cases) + _FLOOR_SECONDS + sum(work.values())
-    total += PEER_SECONDS * len(PEER_CASES) if peers else 0.0
+    total = suite.seconds * len(cases) + _FLOOR_SECONDS * len(floor_cases) + sum(work.values())
+    total += PEER_SECONDS * len(peer_cases)
     study = Study(folder / "steps", common, total, progress)
-    files = {name: str(assets.require(name)) for name in _needed(suite)}
-    sizes = {name: Path(path).stat().st_size for name, path in files.items()}
+    needed = _needed((*cases, *peer_cases, *floor_cases))
+    sizes = {name: assets.require(name).stat().st_size for name in needed}
 
-    floor = study.step(
-        "floor",
-        {"size": suite.size, "spp": suite.floor_spp, "assets": [sizes[FLOOR_CASE.map], sizes[FLOOR_CASE.scene]]},
-        _FLOOR_SECONDS,
-        lambda fraction: measure_floor(suite, assets, fraction),
-    )
+    floor = None
+    for case in floor_cases:
+        floor = study.step(
+            "floor",
+            {"size": suite.size, "spp": suite.floor_spp, "assets": [sizes[case.map], sizes[case.scene]]},
+            _FLOOR_SECONDS,
+            lambda fraction: measure_floor(suite, assets, fraction),
+        )
     preparation = []
     for size in suite.preparation:
         name = f"preparation {size[0]}x{size[1]}"
         preparation.append(study.step(name, {"size": size}, work[size], _preparation(size)))
-    cases = []
-    for case in suite.all_cases:
+    measured = []
+    for case in cases:
         settings = {**settings_of(case, suite), "ours": OURS.label, "assets": [sizes[case.map], sizes[case.scene]]}
 
         def compute(fraction: Callable[[float], None], case: Any = case) -> dict[str, Any]:
             gc.collect()  # kernels number what lives: beside an earlier scene, each would be compiled anew
             return measure_case(case, suite, assets, cache=cache, fraction=fraction).to_json()
 
-        cases.append(CaseResult.from_json(study.step(case.name, settings, suite.seconds, compute)))
+        measured.append(CaseResult.from_json(study.step(case.name, settings, suite.seconds, compute)))
     raced = []
-    for case in PEER_CASES if peers else ():
+    for case in peer_cases:
         settings = {**peer_settings(case, suite), "packages": packages, "assets": [sizes[case.map], sizes[case.scene]]}
 
         def race(fraction: Callable[[float], None], case: Any = case) -> dict[str, Any]:
@@ -116,9 +145,11 @@ def run(
             "date": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
             **{name: common[name] for name in ("machine", "variant", "versions", "source_sha256")},
             "suite": suite.name,
+            "settings": {"bench": asked.to_json(), "machine": machine_settings.to_json()},
+            "left_out": left_out,
             "resumed": study.resumed,
         },
-        cases=tuple(cases),
+        cases=tuple(measured),
         floor=floor,
         preparation=tuple(preparation),
         peers=tuple(raced),
@@ -142,20 +173,20 @@ def _preparation(size: tuple[int, int, int, int]) -> Callable[[Callable[[float],
     return lambda fraction: measure_preparation(*size)
 
 
-def _needed(suite: Suite) -> list[str]:
-    """Names of all assets."""
-    cases = (*suite.all_cases, *PEER_CASES, FLOOR_CASE)
+def _needed(cases: Sequence[Case]) -> list[str]:
+    """Names of the assets of cases."""
     return sorted({case.map for case in cases} | {case.scene for case in cases})
 
 
-def _check(suite: Suite, assets: Assets, folder: Path) -> None:
-    missing = [name for name in _needed(suite) if assets.find(name) is None]
-    if missing:
-        looked = ", ".join(str(place) for place in assets.folders)
-        raise InputError(
-            f"missing asset(s): {', '.join(missing)}, looked for in {looked}; type: stratalux assets, which says "
-            "how to get each, or name their folder with --assets"
-        )
+def _at_hand(cases: Sequence[Case], assets: Assets) -> tuple[list[Case], list[str]]:
+    """The cases whose files are there, and for each of the others a line that says what is missing."""
+    there = {name: assets.find(name) is not None for name in _needed(cases)}
+    missing = {case: [name for name in (case.scene, case.map) if not there[name]] for case in cases}
+    lines = [f"{case.name} ({', '.join(names)} missing)" for case, names in missing.items() if names]
+    return [case for case, names in missing.items() if not names], lines
+
+
+def _check(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; name another folder with -o")
     try:

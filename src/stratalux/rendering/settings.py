@@ -1,0 +1,151 @@
+"""How a picture is sampled and by what, and all that it depends on in one object."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from ..images.settings import OutputSettings
+from ..scenes.settings import CameraSettings, SceneSettings
+from ..settings import Settings, command_line, option
+
+METADATA = "stratalux"
+"""Under this name an OpenEXR file has the JSON of its :class:`PictureSettings`."""
+
+LARGEST_SEED = (1 << 32) - 1
+MOST_SAMPLES = 1 << 30
+MOST_STRATA, MOST_PROPOSALS = 1 << 20, 1 << 16
+
+
+@dataclass(frozen=True)
+class SamplingSettings(Settings):
+    """How it is sampled."""
+
+    technique: str = option(
+        "stratified",
+        "How light is sampled: NAME[:key=value,...], see stratalux techniques.",
+        "-t",
+        "--technique",
+        metavar="NAME[:key=value,...]",
+    )
+    strata: int | None = option(
+        None, "Pin the scheme of the paper, with N regions.", "-N", "--strata", minimum=1, maximum=MOST_STRATA
+    )
+    proposals: int | None = option(
+        None, "Pin the scheme of the paper, with M proposals.", "-M", "--proposals", minimum=1, maximum=MOST_PROPOSALS
+    )
+    spp: int = option(
+        0,
+        "Samples per pixel.",
+        "-s",
+        "--spp",
+        minimum=1,
+        maximum=MOST_SAMPLES,
+        default_text="the scene's own, or 64",
+    )
+    seed: int = option(0, "Seed of the random numbers.", "--seed", minimum=0, maximum=LARGEST_SEED)
+    hide_emitters: bool = option(False, "Leave the map out of the background.", "--hide-emitters")
+
+
+@dataclass(frozen=True)
+class MachineSettings(Settings):
+    """What computes it."""
+
+    variant: str | None = option(
+        None,
+        "Mitsuba variant.",
+        "-m",
+        "--variant",
+        default_text="cuda_ad_rgb where it works, else llvm_ad_rgb",
+    )
+
+
+@dataclass(frozen=True)
+class PictureSettings(Settings):
+    """All that a picture depends on. ``scene`` is None for a scene that a program has loaded by itself."""
+
+    scene: SceneSettings | None = None
+    camera: CameraSettings = field(default_factory=CameraSettings)
+    sampling: SamplingSettings = field(default_factory=SamplingSettings)
+    output: OutputSettings = field(default_factory=OutputSettings)
+    machine: MachineSettings = field(default_factory=MachineSettings)
+
+    @classmethod
+    def of(cls, source: str | Path | None, **settings: Any) -> PictureSettings:
+        """The same from the settings of all groups as keywords; raises :class:`InputError` for an unknown one.
+
+        ``source``: None for a scene that is loaded already, of which nothing can be said any more.
+        """
+        groups: dict[str, dict[str, Any]] = {name: {} for name in GROUPS}
+        for key, value in settings.items():
+            owner = next((name for name, kind in GROUPS.items() if key in {f.name for f in fields(kind)}), None)
+            if owner is None:
+                raise InputError(f"setting '{key}' is unknown; see help(stratalux.render)")
+            if source is None and (owner == "scene" or key == "size"):
+                raise InputError(f"setting '{key}': the scene is loaded already; give it to load_scene")
+            groups[owner][key] = value
+        made = {name: kind(**groups[name]) for name, kind in GROUPS.items() if name != "scene"}
+        return cls(scene=None if source is None else SceneSettings(source, **groups["scene"]), **made)  # type: ignore[arg-type]
+
+    @classmethod
+    def of_file(cls, path: str | Path) -> PictureSettings:
+        """What an OpenEXR file of ours remembers. Raises :class:`InputError` if it has no such memory."""
+        from ..images.files import read_metadata
+
+        text = read_metadata(path).get(METADATA)
+        if text is None:
+            raise InputError(f"{path}: says nothing of settings; give an .exr that stratalux has rendered")
+        return cls.from_text(str(text), str(path))
+
+    @classmethod
+    def from_text(cls, text: str, name: str = "settings") -> PictureSettings:
+        """The same from JSON as text; raises :class:`InputError` that begins with ``name``."""
+        try:
+            content: Mapping[str, Any] = json.loads(text)
+        except ValueError as error:
+            raise InputError(f"{name}: is no JSON ({error})") from None
+        try:
+            return cls.from_json(content)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+
+    def to_text(self) -> str:
+        """JSON on one line."""
+        return json.dumps(self.to_json(), ensure_ascii=False)
+
+    def command(self, *outputs: str | Path) -> str:
+        """The command line that makes this picture. Raises :class:`InputError` where no command can."""
+        words = [word for path in outputs for word in ("-o", str(path))]
+        return command_line("stratalux", "render", self._scene, *self._others, *words)
+
+    def call(self) -> str:
+        """The Python call that makes this picture. Raises :class:`InputError` where none can."""
+        given = {name: value for group in (self._scene, *self._others) for name, value in group.changed().items()}
+        source = given.pop("source")
+        written = "".join(f", {name}={value!r}" for name, value in given.items())
+        return f"stratalux.render({source!r}{written})"
+
+    @property
+    def _scene(self) -> SceneSettings:
+        if self.scene is None:
+            raise InputError("the scene was loaded by a program of its own; nothing else can make its picture")
+        list(self.scene.words())  # raises for a map that is no file
+        return self.scene
+
+    @property
+    def _others(self) -> tuple[Settings, ...]:
+        return self.camera, self.sampling, self.output, self.machine
+
+
+GROUPS: dict[str, type[Settings]] = {
+    "scene": SceneSettings,
+    "camera": CameraSettings,
+    "sampling": SamplingSettings,
+    "output": OutputSettings,
+    "machine": MachineSettings,
+}
+"""The groups of :class:`PictureSettings`; no two share a name of a setting."""

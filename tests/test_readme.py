@@ -1,0 +1,129 @@
+"""What the README shows can be done: its examples run as printed, with a server of our own for the network."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shlex
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import stratalux.cli.assets  # noqa: F401  (knows the names of the real registry)
+from stratalux.assets import ASSETS, Asset, AssetFile
+from tests.helpers import hall_map, run
+
+README = Path(__file__).parents[1] / "README.md"
+MESH = "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nv 0 1.5 0\nf 1 2 3\nf 1 4 2\nf 2 4 3\nf 3 4 1\n"
+SCENE = """<scene version="3.0.0">
+    <default name="spp" value="2"/>
+    <sensor type="perspective">
+        <film type="hdrfilm"><integer name="width" value="12"/><integer name="height" value="8"/></film>
+        <sampler type="independent"><integer name="sample_count" value="$spp"/></sampler>
+    </sensor>
+    <shape type="sphere"><transform name="to_world"><translate z="4"/></transform></shape>
+    <emitter type="envmap"><string name="filename" value="envmap.exr"/></emitter>
+</scene>"""
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, format: str, *arguments: object) -> None:
+        pass
+
+
+@pytest.fixture
+def network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A small stand-in for every asset, served on this machine; an empty folder to work in, and nothing cached."""
+    content = tmp_path / "server"
+    (content / "x").mkdir(parents=True)
+    mi.Bitmap(hall_map(32, 64)).write(str(content / "x/map.exr"))
+    mi.Bitmap(hall_map(32, 64)).write(str(content / "x/map.hdr"))
+    (content / "x/mesh.obj").write_text(MESH)
+    (content / "x/scene.xml").write_text(SCENE)
+    (content / "x/rest").write_bytes(b"unused")
+    kinds = {".exr": "map.exr", ".hdr": "map.hdr", ".obj": "mesh.obj", ".xml": "scene.xml"}
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(content / "x"))) as http:
+        threading.Thread(target=http.serve_forever, daemon=True).start()
+
+        def stand_in(file: AssetFile) -> AssetFile:
+            name = kinds.get(Path(file.file).suffix, "rest")
+            data = (content / "x" / name).read_bytes()
+            url = f"http://127.0.0.1:{http.server_port}/{name}"
+            return replace(file, sha256=hashlib.sha256(data).hexdigest(), size=len(data), url=url)
+
+        def served(asset: Asset) -> Asset:
+            return replace(asset, files=tuple(map(stand_in, asset.files)))
+
+        for name, asset in list(ASSETS.items()):
+            monkeypatch.setitem(ASSETS, name, served(asset))
+        monkeypatch.setenv("no_proxy", "127.0.0.1")
+        monkeypatch.setenv("STRATALUX_CACHE", str(tmp_path / "cache"))
+        monkeypatch.delenv("STRATALUX_ASSETS", raising=False)
+        monkeypatch.setattr("stratalux.assets._beside_checkout", lambda: None)
+        (tmp_path / "work").mkdir()
+        monkeypatch.chdir(tmp_path / "work")
+        yield
+        http.shutdown()
+
+
+def blocks(heading: str) -> list[tuple[str, str]]:
+    """Language and text of the code under a heading of the README."""
+    section = README.read_text(encoding="utf-8").split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    return re.findall(r"```(\w+)\n(.*?)```", section, re.DOTALL)
+
+
+def commands(text: str) -> list[list[str]]:
+    lines = [shlex.split(line, comments=True) for line in text.replace("\\\n", " ").splitlines()]
+    return [line[1:] for line in lines if line and line[0] == "stratalux"]
+
+
+def test_the_three_ways_to_use_it(network: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: dict[str, Any] = {}
+    for language, text in blocks("Three ways to use it"):
+        if language == "python":
+            exec(compile(text, "README.md", "exec"), said)
+            continue
+        for command in commands(text):
+            assert run(monkeypatch, *command) == 0, command
+    for written in ("buddha.exr", "buddha.png", "preview.exr", "regions.png", "regions.json"):
+        assert Path(written).stat().st_size > 0
+    assert np.isfinite(np.array(said["image"])).all() and said["lights"].flux.shape == (64, 3)
+
+
+def test_the_commands_of_the_techniques(network: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """But for their number of samples: at that of the example, the reference takes a minute."""
+    assert run(monkeypatch, "assets", "fetch", "venice", "--assets", "data") == 0
+    shown = [command for language, text in blocks("Techniques") for command in commands(text) if language == "sh"]
+    assert [command[0] for command in shown] == ["rig", "compare"]
+    for command in shown:
+        quick = ["--reference-spp", "16", "--repeats", "1", "--size", "24x16"] if command[0] == "compare" else []
+        assert run(monkeypatch, *command, *quick) == 0, command
+
+
+def test_every_command_of_the_documentation_is_one() -> None:
+    """Options included: a newcomer types what is shown."""
+    from stratalux.cli import cli
+
+    pages = [README, *(README.parent / "docs").glob("*.md"), README.parent / "CONTRIBUTING.md"]
+    shown = [
+        line
+        for page in pages
+        for block in re.findall(r"```sh\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
+        for line in commands(block)
+    ]
+    assert len(shown) > 10
+    for command in shown:
+        with cli.make_context("stratalux", command, resilient_parsing=False) as context:
+            name, subcommand, rest = cli.resolve_command(context, [*context._protected_args, *context.args])
+            assert subcommand is not None
+            if not hasattr(subcommand, "commands"):
+                subcommand.make_context(name, rest, parent=context)
