@@ -33,7 +33,7 @@ def test_repairs_and_counts_bad_texels() -> None:
     with pytest.warns(EnvironmentMapWarning, match=r"m: 1 NaN, 1 infinite, 3 negative texel"):
         repaired = EnvironmentMap.from_array(texels, "m").texels
     assert repaired[0, 0].tolist() == [0, 0, 0]
-    assert repaired[1, 1].tolist() == [1, 1, 7]
+    assert repaired[1, 1].tolist() == [1, 1, 70]
     assert (repaired[2, 2:5] == 0).all()
 
 

@@ -1,4 +1,4 @@
-"""Image files in and out; the codecs are Mitsuba's, which is imported only when a file is read or written."""
+"""Image files out; the codecs are Mitsuba's, which is imported only when a file is written. :mod:`.reading` reads."""
 
 from __future__ import annotations
 
@@ -20,20 +20,6 @@ if TYPE_CHECKING:
 OUTPUT_SUFFIXES = (".exr", ".png", ".jpg", ".hdr", ".pfm")
 PICTURE_SUFFIXES = (".png", ".jpg")
 """Formats of 8 bits: tone-mapped, no metadata."""
-
-
-def read_rgb(path: str | Path) -> NDArray[np.float32]:
-    """Linear RGB pixels (H, W, 3) of an image file. Raises :class:`InputError` if it cannot be read."""
-    import mitsuba as mi
-
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; give an image (.exr, .hdr, .pfm)")
-    try:
-        bitmap = mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
-    except (RuntimeError, ValueError, MemoryError) as error:
-        raise InputError(f"{path}: cannot be read as an image ({one_line(error)}); give .exr, .hdr or .pfm") from None
-    return np.array(bitmap)
 
 
 def check_output(path: str | Path, suffixes: tuple[str, ...] = OUTPUT_SUFFIXES) -> Path:
