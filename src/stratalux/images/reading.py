@@ -103,10 +103,12 @@ def _image(path: Path, most: int, reader: Reader) -> Image:
     image.said += [choice.said] if choice.said else []
     image.said += _said_of_windows(part)
     image.largest = float(np.finfo(np.float16).max) if kind == "half" else None
-    image.cube = str(attributes.get("textureformat", "")).startswith("CubeFace")
     if kind == "uint32" or kind == "uint":
         image.said.append("32-bit integers are taken as they are")
     _to_linear(image, part, kind, choice)
+    if str(attributes.get("textureformat", "")).startswith("CubeFace"):
+        image.cube = True
+        _repaired(image)
     image.pixels = _oriented(image.pixels, *_ORIENTATIONS.get(attributes.get("Orientation", 1), (False, False, False)))
     return image
 
@@ -286,8 +288,10 @@ def _colours_of_luminance(pixels: NDArray[np.float32], primaries: Sequence[float
 
 def _repaired(image: Image) -> None:
     """Without what is not finite, which would spread to other channels."""
-    image.pixels, said = repair(image.pixels, image.largest, keep_negative=True)
-    image.said += [said] if said else []
+    repaired, said = repair(image.pixels, image.largest, keep_negative=True)
+    if repaired is not image.pixels:
+        image.pixels = repaired
+        image.said.append(said)
 
 
 def _oriented(pixels: NDArray[np.float32], turned: bool, rows: bool, columns: bool) -> NDArray[np.float32]:

@@ -39,7 +39,7 @@ class EnvironmentMap:
         """Take an array (H, W), (H, W, 1), (H, W, 3) or (H, W, 4); alpha is dropped.
 
         NaN and negative values become 0, infinite ones 10 times the largest other (65504 in an array of half floats,
-        which they have overflowed), and those above 1e20 are cut off there, with an :class:`EnvironmentMapWarning` that
+        which they have overflowed), and those above 1e30 are cut off there, with an :class:`EnvironmentMapWarning` that
         counts the texels. Raises :class:`InputError` if the array is not an image.
         """
         return cls._checked(array, name, None)
@@ -59,7 +59,9 @@ class EnvironmentMap:
             texels = np.repeat(texels, 3, axis=2)
         with np.errstate(over="ignore"):  # float64 may become infinite
             texels = np.ascontiguousarray(texels[..., :3], dtype=np.float32)
-        texels = clean(texels, name, largest)
+        texels, said = repair(texels, largest)
+        if said:
+            warnings.warn(f"{name}: {said}", EnvironmentMapWarning, stacklevel=3)
         height, width = texels.shape[:2]
         if width != 2 * height and width * height > 1:
             warnings.warn(
@@ -92,7 +94,7 @@ class EnvironmentMap:
             if pixels.shape[0] != 6 * pixels.shape[1]:
                 size = f"{pixels.shape[1]}x{pixels.shape[0]}"
                 raise InputError(f"{path}: {size} are not the six faces of a cube, as the header says; export it again")
-            pixels = from_cube(clean(pixels, str(path), image.largest))
+            pixels = from_cube(pixels)
         return cls._checked(pixels, str(path), image.largest)
 
     @property
@@ -134,13 +136,3 @@ def cell_energy(luminance: NDArray[np.float32]) -> NDArray[np.float64]:
         np.multiply(lower[first:last], pair[1:], out=lowest)
         energy[first:last] += lowest
     return energy
-
-
-def clean(
-    texels: NDArray[np.float32], name: str = "environment map", largest: float | None = None
-) -> NDArray[np.float32]:
-    """``texels`` (H, W, C) without what is no radiance, with a warning; see :func:`..images.repair.repair`."""
-    texels, said = repair(texels, largest)
-    if said:
-        warnings.warn(f"{name}: {said}", EnvironmentMapWarning, stacklevel=4)
-    return texels

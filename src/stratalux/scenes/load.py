@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..images.files import one_line
+from ..images.repair import LIMIT
 from ..integrators.environment import image_emitter
 from ..maps.envmap import EnvironmentMap
 from .demo import demo_scene
@@ -19,6 +21,8 @@ from .materials import material as material_by_name
 from .mesh import FORMATS, load_mesh
 from .stage import stage
 
+_LARGE = 1e6
+"""Factor from which on the brightest texel is looked for."""
 ENVIRONMENT_PLUGINS = ("envmap", "constant", "sunsky", "sky", "sun")
 
 
@@ -42,6 +46,10 @@ def load_scene(
 
     Raises :class:`InputError` with one line that says what is wrong.
     """
+    if not all(map(math.isfinite, rotate)):
+        raise InputError(f"rotation of the map: {', '.join(map(str, rotate))} are no angles; give degrees")
+    if not 0 <= scale <= LIMIT:
+        raise InputError(f"brightness of the map: {scale} is no factor for light; give a number from 0 on")
     if isinstance(environment, (str, Path)):
         environment = EnvironmentMap.load(environment)
     source = Path(source)
@@ -129,5 +137,7 @@ def _orient(scene: mi.Scene, rotate: tuple[float, float, float], scale: float) -
         rotation = mi.ScalarTransform4f().rotate(axis, angle) @ rotation
     params["to_world"] = type(params["to_world"])(rotation.matrix) @ params["to_world"]
     params["scale"] = params["scale"] * scale
+    if scale > _LARGE and np.abs(params["data"].numpy()).max() * float(dr.slice(params["scale"], 0)) > LIMIT:
+        raise InputError(f"brightness of the map: {scale:g} times it is more than can be reckoned with; give less")
     params.update()
     dr.eval(params["to_world"], params["scale"])
