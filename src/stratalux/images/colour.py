@@ -78,8 +78,8 @@ def _to_xyz(primaries: Sequence[float] | NDArray[np.float64]) -> _Matrix:
     """CIE XYZ of red, green and blue, as columns; white has the luminance 1 (SMPTE RP 177)."""
     x, y = np.asarray(primaries, dtype=np.float64).reshape(4, 2).T
     columns = np.array([x[:3], y[:3], 1 - x[:3] - y[:3]])
-    if y[3] <= 0 or abs(np.linalg.det(columns)) < 1e-6:
-        raise ValueError("primaries on one line, or a white without light")
+    if abs(np.linalg.det(columns)) < 1e-6:
+        raise ValueError("primaries on one line")
     xyz: _Matrix = columns * np.linalg.solve(columns, _white(x[3], y[3]))
     return xyz
 
@@ -90,6 +90,8 @@ def _white(x: float, y: float) -> NDArray[np.float64]:
 
 def _adaptation(white: NDArray[np.float64]) -> _Matrix:
     """XYZ under that ``white`` to XYZ under D65."""
+    if not 0 < white[1] < 1 or not 0 < white[0] < 1:
+        raise ValueError("a white without light")
     source, target = (_BRADFORD @ _white(*w) for w in (white, np.array(REC709[6:])))
     adapted: _Matrix = np.linalg.inv(_BRADFORD) @ np.diag(target / source) @ _BRADFORD
     return adapted

@@ -44,6 +44,8 @@ class _Layer:
 
     def luminance(self) -> list[int]:
         """Luminance alone, or with the two differences that make colours of it; empty where there is none."""
+        if "X" in self.channels or "x" in self.channels:
+            return []  # of a vector
         found = [self.channels[name] for name in _LUMINANCE if name in self.channels][:1]
         chroma = [self.channels[name] for name in ("RY", "BY") if name in self.channels]
         return found + (chroma if found and len(chroma) == 2 else [])

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 
+_PROGRAM = Path(__file__).with_name("reader_process.py")
 _SECONDS = 9.0
 """For a small file."""
 _FILE_BYTES_PER_SECOND, _BYTES_PER_SECOND = 2e6, 1e7
@@ -175,10 +176,9 @@ class Reader:
             if spec is None or spec.origin is None:
                 raise InputError(f"image files cannot be read without {library}: pip install {library}")
             folders.append(str(Path(spec.origin).parent.parent))
-        program = str(Path(__file__).with_name("reader_process.py"))
         process = subprocess.Popen(
             # Neither the user's own modules nor those of site-packages that run by themselves at every start.
-            [sys.executable, "-I", "-S", program, *dict.fromkeys(folders)],
+            [sys.executable, "-I", "-S", str(_PROGRAM), *dict.fromkeys(folders)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

@@ -21,8 +21,8 @@ import OpenImageIO as oiio  # noqa: E402
 
 _PARTS = 64
 """Of one file that are looked at, at most."""
-_CHUNK = 1 << 24
-"""Bytes that are decoded before they are sent, about."""
+_CHUNK = 1 << 23
+"""Bytes that are decoded before they are sent, about: few enough to stay in the cache, enough for several threads."""
 _THREADS = 8
 _TEXTS = ("name", "oiio:ColorSpace", "textureformat", "view", "compression", "ICCProfile:profile_description")
 _NUMBERS = ("Orientation", "oiio:Gamma", "oiio:UnassociatedAlpha", "oiio:RowsPerChunk")

@@ -103,8 +103,10 @@ def _image(path: Path, most: int, reader: Reader) -> Image:
     image.said += [choice.said] if choice.said else []
     image.said += _said_of_windows(part)
     image.largest = float(np.finfo(np.float16).max) if kind == "half" else None
-    if kind == "uint32" or kind == "uint":
+    if kind in ("uint", "uint32"):
         image.said.append("32-bit integers are taken as they are")
+    if attributes.get("oiio:UnassociatedAlpha"):
+        image.said.append("alpha is left out")
     _to_linear(image, part, kind, choice)
     if str(attributes.get("textureformat", "")).startswith("CubeFace"):
         image.cube = True
@@ -222,6 +224,10 @@ def _check_size(path: Path, part: dict[str, Any], size: Sequence[int], most: int
     have = path.stat().st_size
     if have < least:
         raise ValueError(f"the header says {width}x{height}, for which {have} bytes are too few")
+    if part["format"] == "jpeg":
+        content = path.read_bytes()
+        if content.rfind(b"\xff\xd9") < content.rfind(b"\xff\xda"):  # no end after the last scan: it would be grey
+            raise ValueError("it is cut off")
     if tile[0] * tile[1] > 16 * max(width * height, 1 << 16):
         raise ValueError(f"the header says tiles of {tile[0]}x{tile[1]} in an image of {width}x{height}")
 

@@ -49,7 +49,7 @@ def load_scene(
     if not all(map(math.isfinite, rotate)):
         raise InputError(f"rotation of the map: {', '.join(map(str, rotate))} are no angles; give degrees")
     if not 0 <= scale <= LIMIT:
-        raise InputError(f"brightness of the map: {scale} is no factor for light; give a number from 0 on")
+        raise InputError(f"brightness of the map: {scale} is no factor for light; give one from 0 to {LIMIT:g}")
     if isinstance(environment, (str, Path)):
         environment = EnvironmentMap.load(environment)
     source = Path(source)
