@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stratalux.images.reading import SUFFIXES
 from tests.images.make import COMPRESSIONS, card, exr, hdr, rgbe, spec, write, write_deep, write_parts
 
 _SIZES = (0, 1, 2, 3, 15, 255, 1000, 5000, 20_000, 65_535, 1 << 20, 1 << 30, (1 << 31) - 1, (1 << 32) - 1)
@@ -27,25 +28,9 @@ def sound_files(folder: Path) -> dict[str, bytes]:
             for tile, end in ((0, ""), (16, "-tiled")):
                 path = folder / f"{compression}-{kind}{end}.exr"
                 write(path, pixels, type=kind, compression=compression, tile=tile)
-    for suffix in [
-        "hdr",
-        "pfm",
-        "tif",
-        "png",
-        "jpg",
-        "tga",
-        "bmp",
-        "webp",
-        "jxl",
-        "gif",
-        "dpx",
-        "sgi",
-        "rla",
-        "fits",
-        "ico",
-    ]:
+    for suffix in (*SUFFIXES[1:], ".jxl", ".gif", ".dpx", ".sgi", ".rla", ".fits", ".ico"):
         for kind in ("uint8", "uint16", "float"):
-            write(folder / f"{kind}.{suffix}", share, type=kind)
+            write(folder / f"{kind}{suffix}", share, type=kind)
     for compression in ("none", "lzw", "zip", "packbits"):
         write(folder / f"{compression}.tif", share, type="uint8", compression=compression)
         write(folder / f"{compression}-tiled.tif", share, type="half", compression=compression, tile=16)

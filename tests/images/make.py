@@ -14,21 +14,8 @@ from numpy.typing import NDArray
 
 Pixels = NDArray[Any]
 
-COMPRESSIONS = [
-    "none",
-    "rle",
-    "zips",
-    "zip",
-    "piz",
-    "pxr24",
-    "b44",
-    "b44a",
-    "dwaa",
-    "dwab",
-    "zstd",
-    "htj2k256",
-    "htj2k32",
-]
+LOSSY = ("b44", "b44a", "dwaa", "dwab")
+COMPRESSIONS = ("none", "rle", "zips", "zip", "piz", "pxr24", "zstd", "htj2k256", "htj2k32", *LOSSY)
 """Of OpenEXR 3.5."""
 
 

@@ -84,9 +84,8 @@ def read_image(path: str | Path, max_memory: int | None = None, reader: Reader |
         if isinstance(error, InputError):
             raise
         reason = " ".join(str(error).split()).replace(str(path.absolute()), "the file").rstrip(".")
-        raise InputError(
-            f"{path}: cannot be read as an image ({reason[:200]}); give {', '.join(SUFFIXES[:3])} or another"
-        ) from None
+        reason = re.sub(r"EXR Error \(the file\): (EXR_\w+ )?", "", reason)
+        raise InputError(f"{path}: cannot be read as an image ({reason[:200]}); copy or export it again") from None
 
 
 def _image(path: Path, most: int, reader: Reader) -> Image:

@@ -36,13 +36,15 @@ def load_scene(
     up: str | None = None,
     size: tuple[int, int] | None = None,
     parameters: Mapping[str, str] | None = None,
+    max_memory: int | None = None,
 ) -> mi.Scene:
     """Load ``source``: a Mitsuba XML file, a mesh, or ``"demo"``.
 
     A mesh is framed on a ground plane in ``material``, and needs an ``environment`` map; elsewhere the map replaces the
     scene's own, in its orientation. ``rotate``: degrees about the world's x, y and z axes, in that order, and
     ``scale``: both on top of what the scene says. ``up``: axis of the mesh file that points up. ``size``: (width,
-    height) of the film in pixels. ``parameters``: values of ``$name`` in the XML file.
+    height) of the film in pixels. ``parameters``: values of ``$name`` in the XML file. ``max_memory``: bytes that the
+    pixels of the map may take, see :meth:`.EnvironmentMap.load`.
 
     Raises :class:`InputError` with one line that says what is wrong.
     """
@@ -51,7 +53,7 @@ def load_scene(
     if not 0 <= scale <= LIMIT:
         raise InputError(f"brightness of the map: {scale} is no factor for light; give one from 0 to {LIMIT:g}")
     if isinstance(environment, (str, Path)):
-        environment = EnvironmentMap.load(environment)
+        environment = EnvironmentMap.load(environment, max_memory=max_memory)
     source = Path(source)
     suffix = source.suffix.lower()
     if str(source) == "demo":
