@@ -65,6 +65,8 @@ def choose(parts: Sequence[dict[str, Any]], name: str) -> Choice:
     if first["format"] != "openexr":
         # Channels of others have no names of their own.
         count = len(first["channels"])
+        if count == 0:
+            raise InputError(f"{name}: an image without channels; export it again")
         said = f"the first of {len(parts)} images is read" if len(parts) > 1 else ""
         return Choice(flat[0], [0, 1, 2] if count > 2 else [0], said=said)
 

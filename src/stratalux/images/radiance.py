@@ -24,6 +24,7 @@ _EQUAL_ENERGY = (1 / 3, 1 / 3)
 """Radiance's white, and that of XYZ where no primaries are given."""
 _EFFICACY = 179.0
 """Lumens to Radiance's watt: Y of CIE XYZ is in lumens."""
+_BLOCK = 1 << 16
 _NEW_RUNS = range(8, 32768)
 """Lengths of scanlines that can have run lengths of the new kind."""
 
@@ -182,9 +183,12 @@ def read_old(path: Path, header: Header) -> NDArray[np.float32]:
         stored = np.repeat(stored[source[:end]], np.minimum(counts[:end], wanted), axis=0)
     if len(stored) < wanted:
         raise ValueError(f"{len(stored)} of {wanted} pixels are there")
-    stored = stored[:wanted]
-    exponent = stored[:, 3].astype(np.int32)
-    pixels = np.ldexp(stored[:, :3].astype(np.float32), np.where(exponent, exponent - 136, -1000)[:, None])
+    pixels = np.empty((wanted, 3), dtype=np.float32)
+    for first in range(0, wanted, _BLOCK):
+        block = stored[first : min(first + _BLOCK, wanted)]
+        exponent = block[:, 3:].astype(np.int32)
+        mantissas = block[:, :3].astype(np.float32)
+        np.ldexp(mantissas, np.where(exponent, exponent - 136, -1000), out=pixels[first : first + len(block)])
     return pixels.reshape(header.lines, header.length, 3)
 
 

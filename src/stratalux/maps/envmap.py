@@ -95,6 +95,10 @@ class EnvironmentMap:
                 size = f"{pixels.shape[1]}x{pixels.shape[0]}"
                 raise InputError(f"{path}: {size} are not the six faces of a cube, as the header says; export it again")
             pixels = from_cube(pixels)
+            size = f"{pixels.shape[1]}x{pixels.shape[0]}"
+            warnings.warn(
+                f"{path}: the six faces of a cube are converted to {size}", EnvironmentMapWarning, stacklevel=2
+            )
         return cls._checked(pixels, str(path), image.largest)
 
     @property
