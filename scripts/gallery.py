@@ -12,7 +12,8 @@ import numpy as np
 import stratalux
 from stratalux import EnvironmentMap, InputError, load_scene, median_cut
 from stratalux.assets import Assets
-from stratalux.images.files import tonemap, write_atomically
+from stratalux.images.files import write_atomically
+from stratalux.images.tonemap import tonemap
 from stratalux.integrators.techniques import techniques as all_techniques
 from stratalux.rigs.picture import draw_regions
 

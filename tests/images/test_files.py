@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from stratalux import EnvironmentMap, InputError, median_cut
-from stratalux.images.files import auto_exposure, check_output, tonemap, write_atomically, write_image
+from stratalux.images.files import check_output, write_atomically, write_image
+from stratalux.images.tonemap import auto_exposure, tonemap
 from stratalux.rigs.picture import draw_regions
 from tests.helpers import hall_map
 

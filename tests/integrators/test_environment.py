@@ -86,6 +86,37 @@ def test_bad_texels_of_a_scene_are_repaired() -> None:
     assert np.isfinite(image).all() and (image >= 0).all()
 
 
+@pytest.mark.parametrize(
+    "integrator",
+    [
+        {"type": "direct_stratified"},
+        {"type": "direct_stratified", "strata": 4, "proposals": 2, "bsdf_samples": 1},
+        {"type": "direct_importance", "samples": 4, "proposals": 8, "bsdf_samples": 1},
+        {"type": "direct_wavelet", "samples": 4},
+    ],
+)
+def test_one_texel_brighter_than_any_light_is_right(integrator: dict[str, Any]) -> None:
+    """The picture of a map is that of the map over a power of two, times it: no sum or square is beyond float32."""
+    bright = sun_map()
+    bright[bright > 1e4] *= 1e25
+    factor = 2.0**90
+    images = []
+    for texels in (bright, bright / np.float32(factor)):
+        scene = mi.load_dict(scene_dict("roughplastic", texels))
+        images.append(np.array(mi.render(scene, integrator=mi.load_dict(integrator), spp=16)).astype(np.float64))
+    assert np.isfinite(images[0]).all() and images[0].max() > 1e20
+    np.testing.assert_allclose(images[0], images[1] * factor, rtol=1e-4, atol=1e-6 * images[0].max())
+
+
+def test_infinite_texels_of_a_scene_outshine_the_others() -> None:
+    texels = hall_map()
+    texels[4, 4] = np.inf
+    scene = mi.load_dict(scene_dict("diffuse", texels))
+    with pytest.warns(EnvironmentMapWarning, match="1 infinite texel.*to 900, 10 times the largest other"):
+        mi.load_dict(OURS).prepare(scene)
+    assert mi.traverse(scene)["sky.data"].numpy().max() == 900
+
+
 def test_a_black_map_renders_black() -> None:
     scene = mi.load_dict(scene_dict("roughplastic", np.zeros((16, 32, 3), dtype=np.float32)))
     image = np.array(mi.render(scene, integrator=mi.load_dict({**OURS, "proposals": 4}), spp=4))

@@ -11,6 +11,7 @@ import pytest
 
 from stratalux import EnvironmentMap, EnvironmentMapWarning, InputError
 from tests.helpers import hall_map
+from tests.images.make import write
 
 
 @pytest.mark.parametrize("shape", [(4, 8), (4, 8, 1), (4, 8, 3), (4, 8, 4)])
@@ -33,7 +34,7 @@ def test_repairs_and_counts_bad_texels() -> None:
     with pytest.warns(EnvironmentMapWarning, match=r"m: 1 NaN, 1 infinite, 3 negative texel"):
         repaired = EnvironmentMap.from_array(texels, "m").texels
     assert repaired[0, 0].tolist() == [0, 0, 0]
-    assert repaired[1, 1].tolist() == [1, 1, 7]
+    assert repaired[1, 1].tolist() == [1, 1, 70]
     assert (repaired[2, 2:5] == 0).all()
 
 
@@ -87,6 +88,26 @@ def test_truncated_files_are_refused(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(InputError, match="cannot be read as an image") as error:
         EnvironmentMap.load(path)
     assert "\n" not in str(error.value)
+
+
+def test_what_a_file_says_is_told(tmp_path: Path) -> None:
+    texels = np.ones((8, 16, 3), dtype=np.float32)
+    texels[2, 3] = np.inf
+    path = write(tmp_path / "a.exr", texels, type="half", at=(-2, -1), display=(0, 0, 12, 6))
+    with pytest.warns(EnvironmentMapWarning) as told:
+        environment = EnvironmentMap.load(path)
+    assert environment.texels.shape == (6, 12, 3) and environment.texels[1, 1].tolist() == [65504] * 3
+    cropped, repaired = (str(warning.message) for warning in told)
+    assert cropped == f"{path}: pixels, 16x8 at -2,-1, in a display window, 12x6 at 0,0: what is outside is cropped"
+    assert repaired.startswith(f"{path}: 1 infinite texel")
+    assert all(warning.filename == __file__ for warning in told)
+
+
+def test_maps_larger_than_the_memory_allowed_are_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.exr", np.ones((8, 16, 3), dtype=np.float32))
+    assert EnvironmentMap.load(path, max_memory=12 * 8 * 16).width == 16
+    with pytest.raises(InputError, match="16x8 pixels take .*more than"):
+        EnvironmentMap.load(path, max_memory=1000)
 
 
 def test_missing_and_foreign_files_are_refused(tmp_path: Path) -> None:

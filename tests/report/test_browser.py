@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stratalux.images.files import tonemap
+from stratalux.images.tonemap import tonemap
 from stratalux.report.colours import MAGMA, SIGNED, interpolate
 from stratalux.report.html import write_report
 from tests.report.browser import Browser, start

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from stratalux.images.files import tonemap
+from stratalux.images.tonemap import tonemap
 from stratalux.report.colours import MAGMA, SIGNED, VIRIDIS, interpolate
 from stratalux.report.encode import compress, decode_pixels, decompress, encode_pixels, encode_unit
 

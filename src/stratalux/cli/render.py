@@ -16,7 +16,7 @@ from .flags import flags
 from .progress import progress_bar
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterator
 
     from ..rendering.passes import RenderResult
 
@@ -66,7 +66,7 @@ def render(
 
     paths = [check_output(path) for path in outputs or (f"{Path(scene.source).stem}.exr",)]
     picture = PictureSettings(scene, camera, sampling, image, machine)
-    result, stopped = _watch(lambda: _passes(picture, verbose), sampling, quiet=quiet)
+    result, stopped = _watch(lambda: _passes(picture, paths, verbose), sampling, quiet=quiet)
     if result is None:
         print("stratalux: interrupted before the first pass was done; nothing to keep", file=sys.stderr)
         sys.exit(130)
@@ -86,17 +86,21 @@ def render(
         sys.exit(130)
 
 
-def _passes(picture: PictureSettings, verbose: bool) -> Iterable[RenderResult]:
-    """The passes of a picture; a bad name is told before anything is loaded."""
+def _passes(picture: PictureSettings, paths: list[Path], verbose: bool) -> Iterator[RenderResult]:
+    """The passes of a picture; what cannot be is told before anything is loaded, or after the first pass."""
     import mitsuba as mi
 
+    from ..images.files import check_channels
     from ..integrators.techniques import parse_technique
     from ..rendering.passes import activate, render_passes
 
     activate(picture.machine)
     mi.set_log_level(mi.LogLevel.Info if verbose else mi.LogLevel.Error)
     parse_technique(picture.sampling.technique)
-    return render_passes(picture)
+    for result in render_passes(picture):
+        for path in paths:
+            check_channels(path, result.bitmap.channel_count())
+        yield result
 
 
 def _watch(start: Any, sampling: SamplingSettings, *, quiet: bool) -> tuple[Any, bool]:

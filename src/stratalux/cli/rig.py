@@ -6,7 +6,9 @@ import time
 
 import click
 
+from ..images.settings import MemorySettings, OutputSettings
 from ..rigs import RIGS
+from .flags import flags
 from .output import write_json
 
 
@@ -16,8 +18,16 @@ from .output import write_json
 @click.option("-n", "-N", "--lights", "n", type=click.IntRange(min=1), default=64, show_default=True, help="Lights.")
 @click.option("-o", "--output", help="The rig as JSON; - for standard output.")
 @click.option("--plot", help="Picture of the map with the lights and their cells (.png, .jpg).")
-@click.option("--exposure", type=float, help="Exposure of the picture in stops.  [default: automatic]")
-def rig(map_file: str, method: str, n: int, output: str | None, plot: str | None, exposure: float | None) -> None:
+@flags(picture=OutputSettings, machine=MemorySettings)
+def rig(
+    map_file: str,
+    method: str,
+    n: int,
+    output: str | None,
+    plot: str | None,
+    picture: OutputSettings,
+    machine: MemorySettings,
+) -> None:
     """Turn the environment map MAP into N directional lights.
 
     The JSON lists for each light its unit direction (the map's frame, y up), its colour (linear RGB, radiance times
@@ -37,12 +47,12 @@ def rig(map_file: str, method: str, n: int, output: str | None, plot: str | None
         check_output(plot, PICTURE_SUFFIXES)
     if output and output != "-":
         check_writable(output)
-    environment = EnvironmentMap.load(map_file)
+    environment = EnvironmentMap.load(map_file, max_memory=machine.max_memory)
     start = time.perf_counter()
     made = light_rig(method, environment, n)
     seconds = time.perf_counter() - start
     if plot:
-        write_picture(plot, draw_rig(environment, made, exposure))
+        write_picture(plot, draw_rig(environment, made, picture.exposure))
     if output:
         write_json(output, {"map": map_file, "preprocessing_seconds": seconds, **made.describe()})
     colour = " ".join(f"{c:.4g}" for c in made.total_colour)

@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+from ..images.settings import MemorySettings, OutputSettings
+from .flags import flags
 from .output import write_json
 
 
@@ -15,8 +17,15 @@ from .output import write_json
 @click.option("-n", "-N", "--strata", "n", type=click.IntRange(min=1), default=64, show_default=True, help="Regions.")
 @click.option("-o", "--output", help="Picture of the map with the borders of the regions (.png, .jpg).")
 @click.option("--json", "json_file", help="The regions as JSON; - for standard output.")
-@click.option("--exposure", type=float, help="Exposure of the picture in stops.  [default: automatic]")
-def stratify(map_file: str, n: int, output: str | None, json_file: str | None, exposure: float | None) -> None:
+@flags(picture=OutputSettings, machine=MemorySettings)
+def stratify(
+    map_file: str,
+    n: int,
+    output: str | None,
+    json_file: str | None,
+    picture: OutputSettings,
+    machine: MemorySettings,
+) -> None:
     """Cut the environment map MAP into regions of equal energy by median cut (figure 1 of the paper).
 
     \b
@@ -35,12 +44,12 @@ def stratify(map_file: str, n: int, output: str | None, json_file: str | None, e
         check_output(output, PICTURE_SUFFIXES)
     if json_file and json_file != "-":
         check_writable(json_file)
-    environment = EnvironmentMap.load(map_file)
+    environment = EnvironmentMap.load(map_file, max_memory=machine.max_memory)
     start = time.perf_counter()
     regions = median_cut(environment, n)
     milliseconds = 1000 * (time.perf_counter() - start)
     if output:
-        write_picture(output, draw_regions(environment, regions, exposure))
+        write_picture(output, draw_regions(environment, regions, picture.exposure))
     if json_file:
         write_json(json_file, {"map": map_file, **describe_regions(environment, regions)})
     click.echo(_summary(regions, n, milliseconds), err=json_file == "-")

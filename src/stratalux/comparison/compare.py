@@ -23,7 +23,7 @@ from ..images.metrics import Mask, why_no_flip
 from ..integrators.techniques import parse_technique
 from ..rendering.passes import activate
 from ..rendering.settings import MachineSettings
-from ..scenes.load import load_scene
+from ..scenes.load import load
 from ..scenes.settings import CameraSettings, SceneSettings
 from ..settings import Settings, command_line, documented
 from .contest import FLOOR_MARGIN, Contender, Judge, Meter, Progress, Rounds
@@ -102,7 +102,7 @@ def run_comparison(
     if shown is not None:
         machine = activate(machine)
         parse_entries(chosen.techniques)  # before a large scene is loaded
-        scene = load_scene(shown, camera)
+        scene = load(shown, camera, machine.max_memory).scene
         name = name or Path(shown.source).stem
     contestants = parse_entries(chosen.techniques)
     rays, spp, repeats, seed, sensor = chosen.rays, chosen.spp, chosen.repeats, chosen.seed, camera.sensor

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..images.files import auto_exposure
 from ..images.metrics import Mask
+from ..images.tonemap import auto_exposure
 from .records import Entry, Record
 from .reference import Reference
 

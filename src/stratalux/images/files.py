@@ -1,4 +1,4 @@
-"""Image files in and out; the codecs are Mitsuba's, which is imported only when a file is read or written."""
+"""Image files out; the codecs are Mitsuba's, which is imported only when a file is written. :mod:`.reading` reads."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import os
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from .colour import LUMINANCE
+from .tonemap import tonemap
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -20,41 +20,20 @@ if TYPE_CHECKING:
 OUTPUT_SUFFIXES = (".exr", ".png", ".jpg", ".hdr", ".pfm")
 PICTURE_SUFFIXES = (".png", ".jpg")
 """Formats of 8 bits: tone-mapped, no metadata."""
+COLOUR_SUFFIXES = (".hdr", ".pfm")
+"""Formats of numbers that know red, green and blue alone."""
 
-
-def read_rgb(path: str | Path) -> NDArray[np.float32]:
-    """Linear RGB pixels (H, W, 3) of an image file. Raises :class:`InputError` if it cannot be read."""
-    import mitsuba as mi
-
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; give an image (.exr, .hdr, .pfm)")
-    try:
-        bitmap = mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
-    except (RuntimeError, ValueError, MemoryError) as error:
-        raise InputError(f"{path}: cannot be read as an image ({one_line(error)}); give .exr, .hdr or .pfm") from None
-    return np.array(bitmap)
-
-
-def read_metadata(path: str | Path) -> dict[str, Any]:
-    """What an OpenEXR file says besides its pixels. Raises :class:`InputError` if it cannot be read."""
-    import mitsuba as mi
-
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; give an .exr that stratalux has rendered")
-    try:
-        metadata = mi.Bitmap(str(path)).metadata()
-        return {name: metadata[name] for name in metadata}
-    except (RuntimeError, ValueError, MemoryError) as error:
-        raise InputError(f"{path}: cannot be read as an image ({one_line(error)}); give an .exr") from None
+_LONGEST_NAME = 255
+"""Bytes, in the file systems that people have."""
 
 
 def check_output(path: str | Path, suffixes: tuple[str, ...] = OUTPUT_SUFFIXES) -> Path:
     """Make sure, before any work is done, that an image can be written to ``path``. Raises :class:`InputError`."""
     path = Path(path)
     if path.suffix.lower() not in suffixes:
-        raise InputError(f"{path}: unknown image format '{path.suffix}'; use one of {', '.join(suffixes)}")
+        raise InputError(
+            f"{shown(path)}: unknown image format '{shown(path.suffix)}'; use one of {', '.join(suffixes)}"
+        )
     check_writable(path)
     return path
 
@@ -62,6 +41,11 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = OUTPUT_SUFFIXES) 
 def check_writable(path: str | Path) -> None:
     """Raise :class:`InputError` if no file can be written at ``path``."""
     path = Path(path)
+    name = os.fsencode(path.name)
+    if shown(path) != str(path):
+        raise InputError(f"{shown(path)}: the name is not UTF-8; choose another with -o")
+    if len(name) > _LONGEST_NAME:
+        raise InputError(f"{path.name[:40]}...: the name has {len(name)} bytes; give one of at most {_LONGEST_NAME}")
     if path.is_dir():
         raise InputError(f"{path}: is a folder; give the name of a file")
     try:
@@ -88,12 +72,26 @@ def write_image(
 
     path = check_output(path)
     if path.suffix.lower() in PICTURE_SUFFIXES:
-        pixels = np.array(bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False))
-        bitmap = mi.Bitmap(tonemap(pixels, exposure))
+        bitmap = mi.Bitmap(tonemap(_colours(bitmap), exposure))
+    elif path.suffix.lower() in COLOUR_SUFFIXES:
+        bitmap = mi.Bitmap(_colours(bitmap))
     else:
         for key, value in (metadata or {}).items():
             bitmap.metadata()[key] = value
     write_atomically(path, bitmap.write)
+
+
+def check_channels(path: str | Path, channels: int) -> None:
+    """Make sure, before any work is done, that the format of ``path`` can hold a film of so many ``channels``."""
+    if channels > 4 and Path(path).suffix.lower() != ".exr":
+        raise InputError(f"{path}: the film has {channels} channels, which only .exr can hold; write that")
+
+
+def _colours(bitmap: mi.Bitmap) -> NDArray[np.float32]:
+    """Linear RGB (H, W, 3) of a bitmap that has that, or luminance; alpha is left out."""
+    pixels = np.array(bitmap, dtype=np.float32)
+    pixels = pixels[..., None] if pixels.ndim == 2 else pixels
+    return np.ascontiguousarray(pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2))
 
 
 def write_picture(path: str | Path, pixels: NDArray[np.uint8]) -> None:
@@ -115,7 +113,7 @@ def jpeg(pixels: NDArray[np.uint8], quality: int = 85) -> bytes:
 def write_atomically(path: str | Path, write: Callable[[str], object]) -> None:
     """Call ``write`` with a temporary name beside ``path`` and then rename: the file appears complete or not at all."""
     path = Path(path)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix.lower())
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".stratalux-", suffix=path.suffix.lower())
     os.close(handle)
     try:
         write(temporary)
@@ -133,36 +131,14 @@ def umask() -> int:
     return mask
 
 
-def auto_exposure(pixels: NDArray[np.float32]) -> float:
-    """Exposure in stops that brings the geometric mean of the luminance of (H, W, 3) linear pixels to 0.18."""
-    luminance = pixels @ LUMINANCE
-    luminance = luminance[np.isfinite(luminance) & (luminance > 0)]
-    if not luminance.size:
-        return 0.0
-    return float(np.log2(0.18) - np.log2(luminance.astype(np.float64)).mean())
-
-
-def tonemap(pixels: NDArray[np.float32], exposure: float | None = None) -> NDArray[np.uint8]:
-    """Linear RGB (H, W, 3) to 8-bit sRGB: exposure in stops (None: automatic), then a soft shoulder.
-
-    The shoulder is Reinhard's extended operator on luminance (Reinhard et al. 2002, equation 4) with its white point
-    16 times above middle white, so colours keep their hue.
-    """
-    if exposure is None:
-        exposure = auto_exposure(pixels)
-    linear = np.clip(np.nan_to_num(pixels.astype(np.float32)) * 2.0**exposure, 0, 1e6)
-    luminance = (linear @ LUMINANCE)[..., None]
-    white = 16.0
-    linear = linear * (1 + luminance / white**2) / (1 + luminance)
-    # Middle grey keeps its brightness: undo what the shoulder takes from it.
-    linear = np.clip(linear * 1.18, 0, 1)
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return (encoded * 255 + 0.5).astype(np.uint8)
-
-
 def one_line(error: BaseException) -> str:
     """The message of an error on one line, without the source positions that Mitsuba puts in front."""
     text = " ".join(str(error).split())
     while text.startswith("[") and "] " in text:
         text = text.split("] ", 1)[1]
     return text or type(error).__name__
+
+
+def shown(text: str | Path) -> str:
+    """``text`` as it can be printed, whatever bytes a name has."""
+    return str(text).encode("utf-8", "replace").decode("utf-8")

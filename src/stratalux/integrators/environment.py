@@ -6,6 +6,7 @@ density is free of scale, and the emitter's transform and scale are read when a 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
@@ -14,8 +15,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
-from ..maps.envmap import EnvironmentMap, clean
+from ..errors import EnvironmentMapWarning, InputError
+from ..images.repair import repair
+from ..maps.envmap import EnvironmentMap
 
 T = TypeVar("T", covariant=True)
 
@@ -108,8 +110,9 @@ def _rgb_texels(emitter: mi.Emitter) -> NDArray[np.float32]:
         mean = mi.srgb_model_mean(coefficients).numpy().reshape(stored.shape[:2])
         stored = np.repeat((mean * np.maximum(stored[..., 3], 0))[..., None], 3, axis=2)
     else:
-        repaired = clean(stored, "environment map of the scene")
+        repaired, said = repair(stored)
         if repaired is not stored:
+            warnings.warn(f"environment map of the scene: {said}", EnvironmentMapWarning, stacklevel=3)
             params["data"] = mi.TensorXf(repaired)
             params.update()
             stored = repaired

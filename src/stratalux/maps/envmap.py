@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import EnvironmentMapWarning, InputError
 from ..images.colour import LUMINANCE
+from ..images.repair import LARGEST_HALF, repair
 from .energy_table import EnergyTable
 from .geometry import row_weights
 
@@ -33,26 +34,36 @@ class EnvironmentMap:
     def from_array(cls, array: ArrayLike, name: str = "environment map") -> EnvironmentMap:
         """Take an array (H, W), (H, W, 1), (H, W, 3) or (H, W, 4); alpha is dropped.
 
-        NaN and negative values become 0 and infinite ones the largest finite value, with an
-        :class:`EnvironmentMapWarning` that counts the texels. Raises :class:`InputError` if the array is not an image.
+        NaN and negative values become 0, infinite ones 10 times the largest other (65504 in an array of half floats,
+        which they have overflowed), and those above 1e30 are cut off there, with an :class:`EnvironmentMapWarning` that
+        counts the texels. Raises :class:`InputError` if the array is not an image.
         """
+        return cls._checked(array, name, None)
+
+    @classmethod
+    def _checked(cls, array: ArrayLike, name: str, largest: float | None) -> EnvironmentMap:
         texels = np.asarray(array)
         if texels.ndim == 2:
             texels = texels[..., None]
         if texels.ndim != 3 or texels.shape[2] not in (1, 3, 4) or texels.size == 0:
             raise InputError(f"{name}: shape {np.shape(array)} is not an image; give (height, width, 3)")
-        if not (np.issubdtype(texels.dtype, np.number) or texels.dtype == bool):
+        if texels.dtype.kind not in "biuf":
             raise InputError(f"{name}: type {texels.dtype} is not numeric; give linear RGB radiance")
+        if texels.dtype == np.float16:
+            largest = LARGEST_HALF
         if texels.shape[2] == 1:
             texels = np.repeat(texels, 3, axis=2)
-        texels = np.ascontiguousarray(texels[..., :3], dtype=np.float32)
-        texels = clean(texels, name)
+        with np.errstate(over="ignore"):  # float64 may become infinite
+            texels = np.ascontiguousarray(texels[..., :3], dtype=np.float32)
+        texels, said = repair(texels, largest)
+        if said:
+            warnings.warn(f"{name}: {said}", EnvironmentMapWarning, stacklevel=3)
         height, width = texels.shape[:2]
         if width != 2 * height and width * height > 1:
             warnings.warn(
                 f"{name}: {width}x{height} is not 2:1; taken as a full latitude-longitude map all the same",
                 EnvironmentMapWarning,
-                stacklevel=2,
+                stacklevel=3,
             )
         pad = (max(0, MIN_HEIGHT - height), max(0, MIN_WIDTH - width))
         if any(pad):
@@ -60,14 +71,31 @@ class EnvironmentMap:
         return cls(texels)
 
     @classmethod
-    def load(cls, path: str | Path) -> EnvironmentMap:
-        """Read an image file (.exr, .hdr, .pfm, or anything else that Mitsuba's ``Bitmap`` reads).
+    def load(cls, path: str | Path, *, max_memory: int | None = None) -> EnvironmentMap:
+        """Read an image file (.exr, .hdr, .pfm, .tif, .png, .jpg, or anything else that OpenImageIO reads).
 
-        Raises :class:`InputError` if the file is missing, truncated or not an image.
+        ``max_memory``: bytes that its pixels may take, half of what the machine has unless given. An
+        :class:`EnvironmentMapWarning` says what was chosen, converted or left out (see
+        :func:`..images.reading.read_image`). Raises :class:`InputError` if the file is missing, damaged, too large or
+        not an image.
         """
-        from ..images.files import read_rgb  # the codecs are Mitsuba's: import it only when a file is read
+        from ..images.reading import read_image  # not before a file is read
+        from .cube import from_cube
 
-        return cls.from_array(read_rgb(path), name=str(path))
+        image = read_image(path, max_memory)
+        for line in image.said:
+            warnings.warn(f"{path}: {line}", EnvironmentMapWarning, stacklevel=2)
+        pixels = image.pixels
+        if image.cube:
+            if pixels.shape[0] != 6 * pixels.shape[1]:
+                size = f"{pixels.shape[1]}x{pixels.shape[0]}"
+                raise InputError(f"{path}: {size} are not the six faces of a cube, as the header says; export it again")
+            pixels = from_cube(pixels)
+            size = f"{pixels.shape[1]}x{pixels.shape[0]}"
+            warnings.warn(
+                f"{path}: the six faces of a cube are converted to {size}", EnvironmentMapWarning, stacklevel=2
+            )
+        return cls._checked(pixels, str(path), image.largest)
 
     @property
     def height(self) -> int:
@@ -108,36 +136,3 @@ def cell_energy(luminance: NDArray[np.float32]) -> NDArray[np.float64]:
         np.multiply(lower[first:last], pair[1:], out=lowest)
         energy[first:last] += lowest
     return energy
-
-
-def clean(texels: NDArray[np.float32], name: str = "environment map") -> NDArray[np.float32]:
-    """Return ``texels`` (H, W, C) without NaN, infinite and negative values, warning with their count."""
-    if _sound(texels):
-        return texels
-    nan, infinite, negative = np.isnan(texels), np.isposinf(texels), texels < 0
-    if not (nan | infinite | negative).any():  # but a zero with a sign
-        return texels
-    ceiling = texels[np.isfinite(texels)].max(initial=0)
-    texels = np.where(nan | negative, 0, np.where(infinite, ceiling, texels)).astype(texels.dtype)
-    counts = [
-        f"{mask.any(axis=2).sum()} {kind}"
-        for kind, mask in (("NaN", nan), ("infinite", infinite), ("negative", negative))
-        if mask.any()
-    ]
-    warnings.warn(
-        f"{name}: {', '.join(counts)} texel(s) repaired (NaN and negative to 0, infinite to {ceiling:g})",
-        EnvironmentMapWarning,
-        stacklevel=3,
-    )
-    return texels
-
-
-def _sound(texels: NDArray[np.float32]) -> bool:
-    """Whether there is nothing to repair, in one pass over blocks that stay in the cache.
-
-    Taken as integers, infinity and NaN are above all finite numbers, and negative ones above those.
-    """
-    bits = np.dtype(f"u{texels.dtype.itemsize}")
-    infinity = np.array(np.inf, texels.dtype).view(bits)
-    blocks = (texels[first : first + _ROWS].view(bits) for first in range(0, len(texels), _ROWS))
-    return all(block.max(initial=0) < infinity for block in blocks)

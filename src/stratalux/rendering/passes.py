@@ -104,7 +104,7 @@ def render_passes(
     shown = picture.scene
     if shown is not None:
         picture = replace(picture, machine=activate(picture.machine))
-        loaded = load(shown, picture.camera)
+        loaded = load(shown, picture.camera, picture.machine.max_memory)
         scene = loaded.scene
         if loaded.hide_emitters:
             picture = replace(picture, sampling=replace(picture.sampling, hide_emitters=True))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from ..images.settings import OutputSettings
+from ..images.settings import MemorySettings, OutputSettings
 from ..scenes.settings import CameraSettings, SceneSettings
 from ..settings import Settings, command_line, option
 
@@ -52,7 +52,7 @@ class SamplingSettings(Settings):
 
 
 @dataclass(frozen=True)
-class MachineSettings(Settings):
+class MachineSettings(MemorySettings):
     """What computes it."""
 
     variant: str | None = option(
@@ -94,12 +94,12 @@ class PictureSettings(Settings):
     @classmethod
     def of_file(cls, path: str | Path) -> PictureSettings:
         """What an OpenEXR file of ours remembers. Raises :class:`InputError` if it has no such memory."""
-        from ..images.files import read_metadata
+        from ..images.reading import read_text
 
-        text = read_metadata(path).get(METADATA)
+        text = read_text(path, METADATA)
         if text is None:
             raise InputError(f"{path}: says nothing of settings; give an .exr that stratalux has rendered")
-        return cls.from_text(str(text), str(path))
+        return cls.from_text(text, str(path))
 
     @classmethod
     def from_text(cls, text: str, name: str = "settings") -> PictureSettings:

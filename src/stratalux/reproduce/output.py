@@ -39,6 +39,7 @@ from numpy.typing import NDArray
 from ..comparison import provenance
 from ..comparison.study import Study
 from ..images.files import write_atomically, write_picture
+from ..images.tonemap import srgb
 from ..report.model import Chart, HeatMap, ImageSet, Picture, Report, Table
 from .request import ReproductionSettings
 from .settings import Settings
@@ -83,9 +84,7 @@ def pictures(report: Report) -> Iterator[tuple[str, Picture, float]]:
 
 def encoded(pixels: NDArray[np.float32], exposure: float) -> NDArray[np.uint8]:
     """Linear RGB to 8-bit sRGB, ``exposure`` in stops; what is brighter than white is white."""
-    linear = np.clip(np.nan_to_num(pixels) * 2.0**exposure, 0, 1)
-    curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return (curve * 255 + 0.5).astype(np.uint8)
+    return srgb(np.nan_to_num(pixels) * 2.0**exposure)
 
 
 def _stem(*parts: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.files import tonemap
+from ..images.tonemap import tonemap
 from ..maps.envmap import EnvironmentMap
 from ..maps.geometry import map_coordinates
 from ..maps.regions import Regions

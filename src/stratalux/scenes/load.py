@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..errors import InputError
+from ..images.repair import LIMIT
 from ..integrators.environment import image_emitter
 from ..maps.envmap import EnvironmentMap
 from ..settings import documented
@@ -22,23 +23,32 @@ from .settings import CameraSettings, SceneSettings
 from .stage import stage
 
 USUAL_SIZE = (600, 400)
+_LARGE = 1e6
+"""Factor from which on the brightest texel is looked for."""
 
 
 @documented(SceneSettings, CameraSettings, without=("source",))
-def load_scene(source: str | Path | SceneSettings, camera: CameraSettings | None = None, **settings: Any) -> mi.Scene:
+def load_scene(
+    source: str | Path | SceneSettings,
+    camera: CameraSettings | None = None,
+    *,
+    max_memory: int | None = None,
+    **settings: Any,
+) -> mi.Scene:
     """Load ``source``: a Mitsuba XML file, a mesh, or ``"demo"``.
 
     A mesh is framed on a ground plane in ``material``, and needs an ``environment``: the file of a map, or an
     :class:`EnvironmentMap`. Elsewhere the map replaces the scene's own, in its orientation. ``rotate`` (degrees about
     the world's x, y and z axes, in that order) and ``scale`` come on top of what the scene says. ``size``: (width,
-    height) of the film in pixels. ``parameters``: values of ``$name`` in the XML file.
+    height) of the film in pixels. ``parameters``: values of ``$name`` in the XML file. ``max_memory``: bytes that the
+    pixels of the map may take, see :meth:`.EnvironmentMap.load`.
 
     Raises :class:`InputError` with one line that says what is wrong.
     """
     if not isinstance(source, SceneSettings):
         seen = {name: settings.pop(name) for name in ("size", "sensor") if name in settings}
         source, camera = SceneSettings(str(source), **settings), camera or CameraSettings(**seen)
-    return load(source, camera or CameraSettings()).scene
+    return load(source, camera or CameraSettings(), max_memory).scene
 
 
 @dataclass(frozen=True)
@@ -49,11 +59,11 @@ class Loaded:
     hide_emitters: bool = False
 
 
-def load(shown: SceneSettings, camera: CameraSettings) -> Loaded:
+def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = None) -> Loaded:
     """The same from settings, with what the file says that is no part of a scene; see :func:`load_scene`."""
     environment = shown.environment
     if isinstance(environment, str):
-        environment = EnvironmentMap.load(environment)
+        environment = EnvironmentMap.load(environment, max_memory=max_memory)
     emitter = None if environment is None else envmap(environment)
     path, size = Path(shown.source), camera.size or USUAL_SIZE
     suffix = path.suffix.lower()
@@ -92,5 +102,7 @@ def _orient(scene: mi.Scene, rotate: tuple[float, float, float], scale: float) -
         rotation = mi.ScalarTransform4f().rotate(axis, angle) @ rotation
     params["to_world"] = type(params["to_world"])(rotation.matrix) @ params["to_world"]
     params["scale"] = params["scale"] * scale
+    if scale > _LARGE and np.abs(params["data"].numpy()).max() * float(dr.slice(params["scale"], 0)) > LIMIT:
+        raise InputError(f"brightness of the map: {scale:g} times it is more than can be reckoned with; give less")
     params.update()
     dr.eval(params["to_world"], params["scale"])

@@ -14,6 +14,7 @@ from .materials import MATERIALS
 
 LARGEST_SIDE = 1 << 16
 MOST_PIXELS = 1 << 28
+MOST_SCALE = 1e30
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
@@ -121,7 +122,7 @@ class SceneSettings(Settings):
         "--env-rotate",
         kind=ROTATION,
     )
-    scale: float = option(1.0, "Brightness of the map, a factor.", "--env-scale", minimum=0.0, maximum=1e12)
+    scale: float = option(1.0, "Brightness of the map, a factor.", "--env-scale", minimum=0.0, maximum=MOST_SCALE)
     material: str = option(
         "diffuse",
         f"Material of a mesh: {', '.join(MATERIALS)}.",

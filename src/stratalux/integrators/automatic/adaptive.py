@@ -9,6 +9,7 @@ nested set of strata.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -73,10 +74,11 @@ def plan_samples(
     pixel = dr.arange(mi.UInt32, size[0] * size[1])
     dr.eval(pixel)
     pictures = pilot.array, difference.array
-    dim = dr.opaque(mi.Float, dim)
-    need, level, share = _needs(*pictures, list(marks), pixel, width, height, dim, parts, outer, footprint)
+    unit = 2.0 ** round(math.log2(dim)) if dim > 0 else 1.0  # in which squares stay within single precision
+    scale, dim = dr.opaque(mi.Float, 1 / unit), dr.opaque(mi.Float, dim / unit)
+    need, level, share = _needs(*pictures, list(marks), pixel, width, height, scale, dim, parts, outer, footprint)
     steps = need.numpy().reshape(size).astype(np.int64)
-    return Plan(_counts(steps, budget, least, outer + footprint), level, share)
+    return Plan(_counts(steps, budget, least, outer + footprint), level * dr.opaque(mi.Float, unit), share)
 
 
 @recorded
@@ -87,16 +89,20 @@ def _needs(
     pixel: mi.UInt32,
     width: mi.UInt32,
     height: mi.UInt32,
+    scale: mi.Float,
     dim: mi.Float,
     parts: int,
     outer: int,
     inner: int,
 ) -> tuple[mi.Int32, mi.Float, mi.Float]:
-    """What each pixel needs, as a logarithm in ``_STEPS``, the level around it, and its share of the variate."""
+    """What each pixel needs, as a logarithm in ``_STEPS``, the level around it, and its share of the variate.
+
+    ``scale``: what the pictures are multiplied by before anything else; ``dim`` and the level are so already.
+    """
     pixels = width * height
 
     def own(image: mi.Float, c: int, part: int) -> mi.Float:
-        return dr.gather(mi.Float, image, pixel + (c * parts + part) * pixels)
+        return scale * dr.gather(mi.Float, image, pixel + (c * parts + part) * pixels)
 
     level, products = mi.Float(0), [mi.Float(0)] * 3
     neighbours = []

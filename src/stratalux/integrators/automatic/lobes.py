@@ -179,15 +179,16 @@ def spread(light: MapLight[LeafSampler], bsdf: mi.BSDFPtr, N: mi.Float, K: mi.Fl
     while k < _DRAWS:
         bs, weight, found = _draw(bsdf, si, sampler)
         L = light.radiance_towards(si.to_world(bs.wo), si, found)
-        g = target(L * weight) * K * bs.pdf / (N / energy * target(L) + K * bs.pdf)
+        brightness = target(L) / energy  # in units of the map, whose squares stay within single precision
+        g = target(L / energy * weight) * K * bs.pdf / (N * brightness + K * bs.pdf)
         g = dr.select(found, g, 0)
         total += g
         squares += g * g
         k += 1
     mean = total / _DRAWS
     variance = dr.maximum(squares - total * mean, 0) / (_DRAWS - 1)
-    dim = DIM * energy / (4 * dr.pi)
-    return variance / (mean * mean + dim * dim + 1e-30)
+    dim = DIM / (4 * dr.pi)
+    return variance / (mean * mean + dim * dim)
 
 
 def _draw(

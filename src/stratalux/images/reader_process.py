@@ -1,0 +1,180 @@
+"""The process that reads image files with OpenImageIO; :mod:`.reader` starts it, and nothing imports it.
+
+It knows nothing of this package, so that it starts in a tenth of a second. Requests are lines of JSON on its standard
+input. Each answer is a message: its kind (``J``: JSON, ``P``: pixels), its length, and as many bytes. After the pixels
+comes JSON again, which says whether they are all there.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import struct
+import sys
+from typing import Any
+
+sys.path[:0] = sys.argv[1:]  # where the libraries are: this interpreter looks nowhere else
+
+import numpy as np  # noqa: E402
+import OpenImageIO as oiio  # noqa: E402
+
+_PARTS = 64
+"""Of one file that are looked at, at most."""
+_CHUNK = 1 << 23
+"""Bytes that are decoded before they are sent, about: few enough to stay in the cache, enough for several threads."""
+_THREADS = 8
+_TEXTS = (
+    "name",
+    "stratalux",
+    "oiio:ColorSpace",
+    "textureformat",
+    "view",
+    "compression",
+    "ICCProfile:profile_description",
+)
+_NUMBERS = ("Orientation", "oiio:Gamma", "oiio:UnassociatedAlpha", "oiio:RowsPerChunk")
+
+
+def main() -> None:
+    # Libraries print to the standard output what they have to say of a file.
+    answers = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    oiio.attribute("threads", min(os.cpu_count() or 1, _THREADS))
+    for line in sys.stdin.buffer:
+        request = json.loads(line)
+        try:
+            _limit_memory(request["memory"])
+            if request["what"] == "parts":
+                answer: dict[str, Any] = {"parts": parts(request["path"])}
+            else:
+                for rows in pixels(request):
+                    _send(answers, b"P", memoryview(rows).cast("B"))
+                answer = {}
+        except Exception as error:  # of whatever kind: there is nobody else to tell
+            answer = {"error": str(error) or type(error).__name__}
+        _send(answers, b"J", json.dumps(answer).encode())
+
+
+def parts(path: str) -> list[dict[str, Any]]:
+    """What is in the file, without its pixels: a description of each of its images."""
+    source, refused = oiio.ImageInput.open(path, _hints()), ""
+    # What has fewer pixels in some channels than in others, as luminance with chroma has, only the older of the two
+    # readers of OpenEXR takes.
+    for core in (0, 1):
+        if source is None:
+            refused = refused or _error(oiio.geterror)
+            oiio.attribute("openexr:core", core)
+            source = oiio.ImageInput.open(path, _hints()) if core == 0 and "ubsampled" in refused else None
+        else:
+            break
+    if source is None:
+        raise RuntimeError(refused)
+    core = oiio.get_int_attribute("openexr:core", 1)
+    found: list[dict[str, Any]] = []
+    while len(found) < _PARTS and source.seek_subimage(len(found), 0):
+        found.append({"core": core, "format": source.format_name(), **_description(source.spec())})
+    oiio.attribute("openexr:core", 1)
+    source.close()
+    return found
+
+
+def _description(spec: oiio.ImageSpec) -> dict[str, Any]:
+    attributes: dict[str, Any] = {}
+    for name in (*_TEXTS, *_NUMBERS, "chromaticities"):
+        try:
+            value = spec.getattribute(name)
+        except UnicodeDecodeError:
+            continue
+        if name == "chromaticities":
+            value = [float(x) for x in value] if isinstance(value, tuple) else None
+        if value is not None and isinstance(value, str | int | float | list):
+            attributes[name] = value
+    formats = spec.channelformats or [spec.format] * spec.nchannels
+    return {
+        "data": (spec.x, spec.y, spec.width, spec.height),
+        "display": (spec.full_x, spec.full_y, spec.full_width, spec.full_height),
+        "tile": (spec.tile_width, spec.tile_height),
+        "depth": spec.depth,
+        "deep": bool(spec.deep),
+        "channels": list(spec.channelnames),
+        "types": [str(kind) for kind in formats],
+        "attributes": attributes,
+    }
+
+
+def pixels(request: dict[str, Any]) -> Any:
+    """Rows of the ``channels`` asked for (rows, columns, channels), float32, in the rectangle asked for.
+
+    ``columns`` and ``rows``: first and last, less one, in the coordinates of the file.
+    """
+    oiio.attribute("openexr:core", request["core"])
+    source = oiio.ImageInput.open(request["path"], _hints())
+    oiio.attribute("openexr:core", 1)
+    if source is None or not source.seek_subimage(request["part"], 0):
+        raise RuntimeError(_error(oiio.geterror))
+    spec, channels, whole = source.spec(), request["channels"], request["type"] == "uint32"
+    first, last = min(channels), max(channels) + 1
+    together = not whole and last - first <= 2 * len(channels)
+    ranges = [(first, last)] if together else [(c, c + 1) for c in channels]
+    picked = [c - first for c in channels]
+    x0, x1 = request["columns"]
+    y0, y1 = request["rows"]
+    step = spec.tile_height or max(1, spec.get_int_attribute("oiio:RowsPerChunk", 1))
+    row_bytes = 4 * spec.width * sum(b - a for a, b in ranges)
+    step *= max(1, min(_CHUNK // row_bytes, y1 - y0) // step)
+    for y in range(spec.y + (y0 - spec.y) // step * step, y1, step):
+        end = min(y + step, spec.y + spec.height)
+        blocks = [_block(source, spec, y, end, *range_, "uint" if whole else "float") for range_ in ranges]
+        block = blocks[0][..., picked] if together and picked != [0, 1, 2] else np.concatenate(blocks, axis=2)
+        block = block[max(y0 - y, 0) : y1 - y, x0 - spec.x : x1 - spec.x]
+        yield np.ascontiguousarray(block, dtype=np.float32)
+    source.close()
+
+
+def _block(
+    source: oiio.ImageInput, spec: oiio.ImageSpec, y: int, end: int, first: int, last: int, kind: str
+) -> np.ndarray:
+    """Rows ``y`` to ``end`` of channels ``first`` to ``last`` (rows, columns, channels)."""
+    if spec.tile_width:
+        read = source.read_tiles(spec.x, spec.x + spec.width, y, end, spec.z, spec.z + 1, first, last, kind)
+    else:
+        read = source.read_scanlines(y, end, spec.z, first, last, kind)
+    if read is None:
+        raise RuntimeError(_error(source.geterror))
+    return np.asarray(read).reshape(end - y, spec.width, last - first)
+
+
+def _hints() -> oiio.ImageSpec:
+    hints = oiio.ImageSpec()
+    hints.attribute("oiio:UnassociatedAlpha", 1)  # colours as the file has them
+    return hints
+
+
+def _error(of: Any) -> str:
+    try:
+        return str(of())
+    except UnicodeDecodeError:
+        return "what its header says is no text"
+
+
+def _limit_memory(size: int) -> None:
+    """Let this process have ``size`` bytes more than it has now, where the system can count."""
+    try:
+        with open("/proc/self/statm") as file:
+            used = int(file.read().split()[0]) * resource.getpagesize()
+        _, most = resource.getrlimit(resource.RLIMIT_AS)
+        resource.setrlimit(resource.RLIMIT_AS, (used + size, most))
+    except (OSError, ValueError):
+        pass  # macOS
+
+
+def _send(to: Any, kind: bytes, content: bytes | memoryview) -> None:
+    to.write(struct.pack("<cQ", kind, len(content)))
+    at = memoryview(content)
+    while len(at):
+        at = at[to.write(at) :]
+
+
+if __name__ == "__main__":
+    main()
