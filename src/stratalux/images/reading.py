@@ -218,7 +218,7 @@ def _check_memory(path: Path, size: Sequence[int], most: int) -> None:
     if need > most:
         raise InputError(
             f"{path}: {size[0]}x{size[1]} pixels take {need / 1e9:.3g} GB, more than {most / 1e9:.3g} GB; "
-            "make it smaller, or allow more memory"
+            "make it smaller, or allow more with --max-memory"
         )
 
 
