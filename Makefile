@@ -4,12 +4,12 @@
 
 VENV  := .venv
 BIN   := $(VENV)/bin
-STAMP := $(VENV)/.installed
+PIP   := $(BIN)/python -m pip install --disable-pip-version-check --no-compile -c constraints.txt
 PYTHON ?=
 ARGS   ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help install llvm demo test test-slow bench lint format clean distclean
+.PHONY: help install develop llvm demo test test-slow bench lint format clean distclean
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -17,11 +17,17 @@ help: ## list the targets
 	@echo
 	@echo "  PYTHON=python3.12 chooses the interpreter, ARGS='-k name' goes to pytest or to the benchmark."
 
-install: $(STAMP) ## create .venv and install stratalux there, with its command .venv/bin/stratalux
+install: $(VENV)/.installed ## create .venv and install stratalux there, with its command .venv/bin/stratalux
 
-$(STAMP): pyproject.toml constraints.txt
+develop: $(VENV)/.developed ## install what the checks need besides
+
+$(VENV)/.installed: pyproject.toml constraints.txt
 	@PYTHON='$(PYTHON)' scripts/bootstrap.sh venv $(VENV)
-	$(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(PIP) -e '.[assets,compare,gltf]'
+	@touch $@
+
+$(VENV)/.developed: $(VENV)/.installed
+	$(PIP) -e '.[dev]'
 	@touch $@
 
 llvm: install ## make sure that Dr.Jit finds a shared LLVM library
@@ -29,26 +35,30 @@ llvm: install ## make sure that Dr.Jit finds a shared LLVM library
 
 demo: llvm ## render the demo scene to out/demo.exr and out/demo.png
 	@mkdir -p out
-	$(BIN)/stratalux render demo -o out/demo.exr -o out/demo.png
+	$(BIN)/stratalux render demo --spp 16 -o out/demo.exr -o out/demo.png
+	@echo
+	@echo 'The picture is out/demo.png, the command $(BIN)/stratalux. To type its name alone, say'
+	@echo '  export PATH="$(CURDIR)/$(BIN):$$PATH"'
+	@echo 'and then, for instance,'
+	@echo '  stratalux --help'
+	@echo '  stratalux assets fetch'
 
 test: lint llvm ## lint, type-check and run the tests
-	@# Two processes: Dr.Jit has been seen to abort one that had run the kernels of all tests. 5: ARGS selects none.
-	$(BIN)/python -m pytest --ignore=tests/statistics $(ARGS) || [ $$? -eq 5 ]
-	$(BIN)/python -m pytest tests/statistics $(ARGS) || [ $$? -eq 5 ]
+	@scripts/test.sh $(BIN)/python $(ARGS)
 
-test-slow: llvm ## run the statistical tests that take minutes
+test-slow: develop llvm ## run the statistical tests that take minutes
 	$(BIN)/python -m pytest -m slow $(ARGS)
 
 bench: llvm ## measure against the best of Mitsuba's own, on an idle machine; ARGS='--suite full' takes an hour
 	$(BIN)/stratalux bench $(ARGS)
 
-lint: install ## ruff, mypy and the order of the layers, without changing a file
+lint: develop ## ruff, mypy and the order of the layers, without changing a file
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
-format: install ## let ruff fix and format the code
+format: develop ## let ruff fix and format the code
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
