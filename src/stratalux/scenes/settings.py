@@ -112,7 +112,7 @@ class SceneSettings(Settings):
     source: str = option(..., "A Mitsuba XML file, a mesh, or demo.", argument=True, metavar="SCENE")
     environment: Any = option(
         None,
-        "Environment map (.exr, .hdr, .pfm, .tif, ...): needed for a mesh, else replaces the scene's, in its orientation.",
+        "Environment map (.exr, .hdr, .pfm, .tif, ...): needed for a mesh, else replaces the scene's own.",
         "--env",
         kind=MAP,
     )
