@@ -8,7 +8,14 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..sampling.recording import one_at_a_time
+from . import derivatives
 from .environment import MapLight
+
+LEAST = 1e-30
+"""In place of an energy that is 0."""
+SUM = -1
+"""Hint for the loops of sums: Dr.Jit differentiates them backward term by term, and keeps none of them in memory."""
 
 
 class DirectIntegrator(mi.SamplingIntegrator):
@@ -43,8 +50,46 @@ class DirectIntegrator(mi.SamplingIntegrator):
     ) -> tuple[mi.Spectrum, mi.Bool, list[mi.Float]]:
         """Radiance along ``ray``, whether it hit something, and no AOVs (Mitsuba's integrator interface)."""
         prepared = self.prepare(scene)
-        others = OtherEmitters(scene, prepared is not None)
+        others = OtherEmitters(scene, prepared is not None, derivatives.wanted(scene))
         return *self.radiance(scene, prepared, others, sampler, ray, active), []
+
+    @one_at_a_time
+    def render(
+        self,
+        scene: mi.Scene,
+        sensor: mi.Sensor | int = 0,
+        seed: int | mi.UInt32 = 0,
+        spp: int = 0,
+        develop: bool = True,
+        evaluate: bool = True,
+    ) -> mi.TensorXf:
+        """As Mitsuba's; one thread at a time."""
+        return super().render(scene, sensor, seed, spp, develop, evaluate)
+
+    @one_at_a_time
+    def render_forward(
+        self, scene: mi.Scene, params: Any, sensor: mi.Sensor | int = 0, seed: int | mi.UInt32 = 0, spp: int = 0
+    ) -> mi.TensorXf:
+        """As Mitsuba's; raises :class:`InputError` where something moves."""
+        derivatives.refuse_motion(scene, sensor)
+        image = self.render(scene, sensor, seed, spp, develop=True, evaluate=False)
+        dr.forward_to(image)
+        return dr.grad(image)
+
+    @one_at_a_time
+    def render_backward(
+        self,
+        scene: mi.Scene,
+        params: Any,
+        grad_in: mi.TensorXf,
+        sensor: mi.Sensor | int = 0,
+        seed: int | mi.UInt32 = 0,
+        spp: int = 0,
+    ) -> None:
+        """As Mitsuba's; raises :class:`InputError` where something moves."""
+        derivatives.refuse_motion(scene, sensor)
+        image = self.render(scene, sensor, seed, spp, develop=True, evaluate=False)
+        dr.backward_from(image * grad_in)
 
     def radiance(
         self,
@@ -75,7 +120,7 @@ class DirectIntegrator(mi.SamplingIntegrator):
             L += self.environment_light(scene, prepared, sampler, si, bsdf, smooth)
         if others.lights:
             L += others.emitter_sampling(scene, sampler, si, bsdf, smooth)
-        if others.lights or _has_delta(scene):
+        if others.found_by_bsdf or _has_delta(scene):
             L += others.bsdf_sampling(scene, sampler, si, bsdf, valid)
         return L, valid
 
@@ -88,11 +133,11 @@ class MisWithBsdf:
     counts with weight density / (density + K p_b) and a BSDF sample contributes L f cos / (density + K p_b), where p_b
     is the BSDF's pdf (Veach and Guibas 1995, the multi-sample model). As the weights depend on the direction alone,
     they stay right where the map sample is the survivor of a resampling.
-    Delta lobes take no part: they are left to :class:`OtherEmitters`.
+    Delta lobes take no part: they are left to :class:`OtherEmitters`. Weights and densities have no derivatives.
     """
 
-    def __init__(self, count: int) -> None:
-        self.count = count
+    def __init__(self, count: int, differentiated: bool = False) -> None:
+        self.count, self._differentiated = count, differentiated
         self.ctx = only(mi.BSDFFlags.Smooth) if count else mi.BSDFContext()
 
     def eval(
@@ -102,7 +147,7 @@ class MisWithBsdf:
         if not self.count:
             return bsdf.eval(self.ctx, si, wo, active)
         value, pdf = bsdf.eval_pdf(self.ctx, si, wo, active)
-        return value * dr.select(density > 0, density / (density + self.count * pdf), 0)
+        return value * dr.detach(dr.select(density > 0, density / (density + self.count * pdf), 0))
 
     @dr.syntax
     def bsdf_samples(
@@ -119,12 +164,13 @@ class MisWithBsdf:
         K = dr.opaque(mi.UInt32, self.count)
         L_o = mi.Spectrum(0)
         k = mi.UInt32(0)
-        while k < K:
-            bs, weight, found = draw(bsdf, self.ctx, si, sampler.next_1d(active), sampler.next_2d(active), active)
+        while dr.hint(k < K, max_iterations=SUM):
+            u = sampler.next_1d(active), sampler.next_2d(active)
+            bs, weight, found = draw(bsdf, self.ctx, si, *u, active, self._differentiated)
             d = si.to_world(bs.wo)
             found &= ~scene.ray_test(si.spawn_ray(d), found)
             L = light.radiance_towards(d, si, found)
-            total = density(light.from_world(d), L, found) + mi.Float(K) * bs.pdf
+            total = dr.detach(density(light.from_world(d), L, found) + mi.Float(K) * bs.pdf)
             L_o += dr.select(found, L * weight * (bs.pdf / total), 0)
             k += 1
         return L_o
@@ -133,13 +179,17 @@ class MisWithBsdf:
 class OtherEmitters:
     """All emitters but the environment map, sampled as Mitsuba's ``direct`` does: one emitter and one BSDF sample.
 
-    Delta lobes reflect the environment map as well, and only a BSDF sample can find it.
+    Those of ``sampling_weight`` 0 are left to the BSDF sample alone. Delta lobes reflect the environment map as well,
+    and only a BSDF sample can find it.
     """
 
-    def __init__(self, scene: mi.Scene, environment_apart: bool) -> None:
+    def __init__(self, scene: mi.Scene, environment_apart: bool, differentiated: bool = False) -> None:
         self.environment = scene.environment() if environment_apart else None
+        self._differentiated = differentiated
+        emitters = [emitter for emitter in scene.emitters() if emitter is not self.environment]
         weights = [0.0 if e is self.environment else float(dr.slice(e.sampling_weight(), 0)) for e in scene.emitters()]
         self.lights = any(weights)
+        self.found_by_bsdf = any(not mi.has_flag(emitter.flags(), mi.EmitterFlags.Delta) for emitter in emitters)
         if self.lights:
             self._emitters = scene.emitters_dr()
             self._distribution = mi.DiscreteDistribution(weights)
@@ -155,22 +205,34 @@ class OtherEmitters:
         emitter = dr.gather(mi.EmitterPtr, self._emitters, index, active)
         ds, weight = emitter.sample_direction(si, sampler.next_2d(active), active)
         active = active & (ds.pdf != 0)
+        if self._differentiated:
+            ds = dr.detach(ds)
+            weight = dr.replace_grad(weight, emitter.eval_direction(si, ds, active) / ds.pdf)
         active &= ~scene.ray_test(si.spawn_ray_to(ds.p), active)
         wo = si.to_local(ds.d)
         value, bsdf_pdf = bsdf.eval_pdf(mi.BSDFContext(), si, wo, active)
-        mis = dr.select(ds.delta, 1, power_heuristic(ds.pdf * pmf, bsdf_pdf))
+        mis = dr.detach(dr.select(ds.delta, 1, power_heuristic(ds.pdf * pmf, bsdf_pdf)))
         return dr.select(active, mis * value * weight / pmf, 0)
 
     def bsdf_sampling(
         self, scene: mi.Scene, sampler: mi.Sampler, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool
     ) -> mi.Spectrum:
         ctx = mi.BSDFContext()
-        if not self.lights:
+        if not self.found_by_bsdf:
             ctx.type_mask = int(mi.BSDFFlags.Delta)  # spend the sample where it counts
         bs, weight = bsdf.sample(ctx, si, sampler.next_1d(active), sampler.next_2d(active), active)
         delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
-        active = active & dr.any(weight != 0)
-        if not self.lights:
+        if self._differentiated:
+            active = active & (bs.pdf > 0)
+            value = weight * bs.pdf  # of a delta lobe, the pdf is the probability of having chosen it
+            bs = dr.detach(bs)
+            if self.found_by_bsdf:
+                smooth, pdf = bsdf.eval_pdf(ctx, si, bs.wo, active & ~delta)
+                value, bs.pdf = dr.select(delta, value, smooth), dr.select(delta, bs.pdf, dr.detach(pdf))
+            weight = dr.select(bs.pdf > 0, value / bs.pdf, 0)
+        else:
+            active = active & dr.any(weight != 0)
+        if not self.found_by_bsdf:
             active &= delta
         hit = scene.ray_intersect(si.spawn_ray(si.to_world(bs.wo)), active)
         emitter = hit.emitter(scene, active)
@@ -184,7 +246,7 @@ class OtherEmitters:
             pmf = emitter.sampling_weight() * self._distribution.normalization()
             pdf = dr.select(delta, 0, emitter.pdf_direction(si, ds, active & ~delta) * pmf)
         value = emitter.eval(hit, active)
-        return dr.select(active, weight * value * power_heuristic(bs.pdf, pdf), 0)
+        return dr.select(active, weight * value * dr.detach(power_heuristic(bs.pdf, pdf)), 0)
 
 
 def only(kinds: mi.BSDFFlags) -> mi.BSDFContext:
@@ -202,10 +264,20 @@ def draw(
     u: mi.Float,
     uv: mi.Point2f,
     active: mi.Bool | bool = True,
+    differentiated: bool = False,
 ) -> tuple[mi.BSDFSample3f, mi.Spectrum, mi.Bool]:
-    """A sample of ``bsdf``, its weight, and whether it is one of a smooth lobe with light to carry."""
-    bs, weight = bsdf.sample(ctx, si, u, uv, active)
-    return bs, weight, active & (bs.pdf > 0) & dr.any(weight != 0) & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+    """A sample of ``bsdf``, its weight, and whether it is one of a smooth lobe with light to carry.
+
+    With derivatives it counts even if its weight is 0, as that may be about to change.
+    """
+    with dr.suspend_grad(when=differentiated):
+        bs, weight = bsdf.sample(ctx, si, u, uv, active)
+        found = active & (bs.pdf > 0) & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+    if not differentiated:
+        return bs, weight, found & dr.any(weight != 0)
+    value, pdf = bsdf.eval_pdf(ctx, si, bs.wo, found)
+    bs.pdf = dr.detach(pdf)
+    return bs, value / bs.pdf, found & (bs.pdf > 0)
 
 
 def by_identity(pointers: Any, values: mi.UInt32, default: int) -> mi.UInt32:

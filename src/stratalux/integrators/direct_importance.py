@@ -7,7 +7,7 @@ import mitsuba as mi
 
 from ..maps.median_cut import median_cut
 from ..sampling.region_sampler import DirectionSample, RegionSampler
-from .common import DirectIntegrator, MisWithBsdf, target
+from .common import SUM, DirectIntegrator, MisWithBsdf, target
 from .environment import MapCache, MapLight
 from .techniques import Property, Technique, properties_from
 
@@ -80,9 +80,10 @@ class DirectImportance(DirectIntegrator):
         bsdf: mi.BSDFPtr,
         active: mi.Bool,
     ) -> mi.Spectrum:
-        mis = MisWithBsdf(self.bsdf_samples)
+        mis = MisWithBsdf(self.bsdf_samples, light.differentiated)
         points = Points(sampler, self.sequence, active)
-        if self.proposals <= self.samples:
+        # With derivatives, there is no resampling: what is kept would follow from what is differentiated.
+        if self.proposals <= self.samples or light.differentiated:
             L_o = self._importance_sampling(scene, light, points, mis, si, bsdf, active)
         else:
             L_o = self._resampling(scene, light, points, mis, si, bsdf, active)
@@ -106,7 +107,7 @@ class DirectImportance(DirectIntegrator):
         d = light.to_world @ x.d
         valid = active & (x.pdf > 0)
         density = dr.opaque(mi.Float, self.samples) * x.pdf
-        g = light.radiance(si, x.uv, valid) * mis.eval(si, bsdf, si.to_local(d), density, valid)
+        g = light.radiance(si, x.uv, d, valid) * mis.eval(si, bsdf, si.to_local(d), density, valid)
         return d, g, dr.select(valid, target(g), 0), x.pdf
 
     @dr.syntax
@@ -124,10 +125,10 @@ class DirectImportance(DirectIntegrator):
         rng = points.start()
         L_o = mi.Spectrum(0)
         j = mi.UInt32(0)
-        while j < N:
+        while dr.hint(j < N, max_iterations=SUM):
             # ----------------- (2): a direction from the density of the map -----------------
             d, g, q, pdf = self._proposal(light, points.draw(light.tables, j, rng, active), mis, si, bsdf, active)
-            lit = q > 0
+            lit = (q > 0) | (active & (pdf > 0) & light.differentiated)
             lit &= ~scene.ray_test(si.spawn_ray(d), lit)
             L_o += dr.select(lit, g / pdf, 0)
             j += 1

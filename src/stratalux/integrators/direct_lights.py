@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..rigs import RIGS, LightRig, Method, light_rig
-from .common import DirectIntegrator
+from .common import SUM, DirectIntegrator
 from .environment import MapCache, MapLight
 from .techniques import Property, Technique, Value, properties_from
 
@@ -91,7 +91,7 @@ class DirectLights(DirectIntegrator):
         N = dr.opaque(mi.UInt32, light.tables.count)
         L_o = mi.Spectrum(0)
         i = mi.UInt32(0)
-        while i < N:
+        while dr.hint(i < N, max_iterations=SUM):
             if dr.hint(self.jitter, mode="scalar"):
                 ω = light.tables.jittered(i, sampler.next_1d(active), active)
             else:

@@ -10,7 +10,7 @@ from ..maps.median_cut import median_cut
 from ..sampling.leaf_sampler import RegionLeafSampler
 from .automatic.image import Automatic
 from .automatic.lobes import MOST_RAYS
-from .common import DirectIntegrator, MisWithBsdf, target
+from .common import LEAST, SUM, DirectIntegrator, MisWithBsdf, target
 from .environment import MapCache, MapLight
 from .light_samples import FreshLight, SharedLight, launch_seed
 from .techniques import Property, Technique, Value, properties_from
@@ -114,18 +114,20 @@ class DirectStratified(DirectIntegrator):
         bsdf: mi.BSDFPtr,
         active: mi.Bool,
     ) -> mi.Spectrum:
-        mis = MisWithBsdf(self.bsdf_samples)
+        mis = MisWithBsdf(self.bsdf_samples, light.differentiated)
         proposals = Proposals(light, mis, sampler, si, bsdf)
+        # With derivatives, each proposal gets a ray: which one is kept would follow from what is differentiated.
+        single = self.proposals == 1 or light.differentiated
         N = dr.opaque(mi.UInt32, len(light.tables.regions))
-        M = dr.opaque(mi.UInt32, self.proposals)
+        M = dr.opaque(mi.UInt32, 1 if single else self.proposals)
 
         L_o = mi.Spectrum(0)  # Outgoing radiance
         i = mi.UInt32(0)  # Index of the region
-        while active & (i < N):
-            if dr.hint(self.proposals == 1, mode="scalar"):
+        while dr.hint(active & (i < N), max_iterations=SUM):
+            if dr.hint(single, mode="scalar"):
                 # The only proposal is kept: f / q · q / p is f / p.
                 y, L_ns = proposals.draw(i, sampler.next_1d(active), active)
-                lit = active & (target(L_ns) > 0)
+                lit = active & ((target(L_ns) > 0) | light.differentiated)
             else:
                 u = sampler.next_2d(active)
                 ξ = u.y  # Which proposal is kept, of those so far
@@ -200,7 +202,8 @@ class Proposals:
 
     def _density(self, i: mi.UInt32, luminance: mi.Float, active: mi.Bool) -> mi.Float:
         """p̃ where the luminance is so, in Ω_i."""
-        return luminance / (dr.gather(mi.Float, self._light.tables.region_energy, i, active) * self._light.scale)
+        energy = dr.gather(mi.Float, self._light.tables.region_energy, i, active) * self._light.scale
+        return dr.maximum(luminance, 0) / dr.maximum(energy, LEAST)
 
 
 def direct_stratified(props: mi.Properties) -> DirectIntegrator:

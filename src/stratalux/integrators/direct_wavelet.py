@@ -19,7 +19,7 @@ from ..sampling.equal_area import (
     warp,
 )
 from ..sampling.region_sampler import DirectionSample
-from .common import DirectIntegrator, target
+from .common import SUM, DirectIntegrator, target
 from .environment import MapCache, MapLight
 from .techniques import Property, Technique, properties_from
 
@@ -112,7 +112,8 @@ class DirectWavelet(DirectIntegrator):
         if dr.hint(light.tables.black, mode="scalar"):
             return mi.Spectrum(0)
         ctx = mi.BSDFContext()
-        product = Product(light, si, bsdf, active)
+        with dr.suspend_grad():
+            product = Product(light, si, bsdf, active)
         S = dr.opaque(mi.UInt32, self.samples)
         # A random shift, modulo 1, makes every point of the Hammersley set uniform. Warping takes more bits than one
         # number of single precision has.
@@ -120,16 +121,16 @@ class DirectWavelet(DirectIntegrator):
 
         L_o = mi.Spectrum(0)  # Outgoing radiance
         k = mi.UInt32(0)  # Index of the sample
-        while k < S:
+        while dr.hint(k < S, max_iterations=SUM):
             # ------------------- A direction from the product -----------------
             u = shift + mi.Point2d(mi.Float64(k) / mi.Float64(S), mi.Float64(dr.brev(k)) * 2.0**-32)
-            x = product.sample(u - dr.floor(u), active)
+            x = dr.detach(product.sample(u - dr.floor(u), active))
             d = light.to_world @ x.d
             valid = active & (x.pdf > 0)
-            g = light.radiance(si, x.uv, valid) * bsdf.eval(ctx, si, si.to_local(d), valid)
+            g = light.radiance(si, x.uv, d, valid) * bsdf.eval(ctx, si, si.to_local(d), valid)
 
             # -------------------------- Its shadow ray ------------------------
-            lit = valid & dr.any(g > 0)
+            lit = valid & (dr.any(g > 0) | light.differentiated)
             visible = lit & ~scene.ray_test(si.spawn_ray(d), lit)
             L_o += dr.select(visible, g / x.pdf, 0)
             k += 1

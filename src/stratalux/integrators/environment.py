@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..maps.envmap import EnvironmentMap, clean
+from ..sampling.recording import one_at_a_time
+from . import derivatives
 
 T = TypeVar("T", covariant=True)
 
@@ -24,14 +26,23 @@ class MapLight(Generic[T]):
     """The image-based environment of a scene, and what a technique has built from its texels.
 
     ``emitter``: the ``envmap``. ``tables``: what was built. ``to_world``: rotation from the frame of the map.
-    ``scale``: of its radiance. (No dataclass: Dr.Jit would take it apart and make it the state of a loop.)
+    ``scale``: of its radiance; both are constants where the picture is differentiated. ``differentiated``: whether it
+    is, now. (No dataclass: Dr.Jit would take it apart and make it the state of a loop.)
     """
 
-    def __init__(self, emitter: mi.Emitter, tables: T, to_world: Any, scale: mi.Float) -> None:
+    def __init__(
+        self, emitter: mi.Emitter, tables: T, to_world: Any, scale: mi.Float, differentiated: bool = False
+    ) -> None:
         self.emitter, self.tables, self.to_world, self.scale = emitter, tables, to_world, scale
+        self.differentiated = differentiated
 
-    def radiance(self, si: mi.SurfaceInteraction3f, uv: mi.Point2f, active: mi.Bool) -> mi.Spectrum:
-        """Radiance L at the map coordinates ``uv``: the emitter's own lookup, without a detour over the direction."""
+    def radiance(self, si: mi.SurfaceInteraction3f, uv: mi.Point2f, d: mi.Vector3f, active: mi.Bool) -> mi.Spectrum:
+        """Radiance L at the map coordinates ``uv``, which are those of the direction ``d`` of the world.
+
+        The emitter's own lookup, without a detour over the direction; but not where that may have to be differentiated.
+        """
+        if self.differentiated:
+            return self.radiance_towards(d, si, active)
         ds = dr.zeros(mi.DirectionSample3f)
         ds.uv = uv
         return self.emitter.eval_direction(si, ds, active)
@@ -67,6 +78,7 @@ class MapCache(Generic[T]):
         self._held: Any = None
         self._tables: T | None = None
 
+    @one_at_a_time
     def get(self, scene: mi.Scene) -> MapLight[T] | None:
         """The map of ``scene`` with its tables, or None if it has none.
 
@@ -76,7 +88,7 @@ class MapCache(Generic[T]):
         if emitter is None:
             return None
         params = mi.traverse(emitter)
-        to_world = params["to_world"]
+        to_world, scale = dr.detach(params["to_world"]), dr.detach(params["scale"])
         linear = to_world.matrix.numpy().reshape(4, 4)[:3, :3]
         if not np.allclose(linear @ linear.T, np.eye(3), atol=1e-3):
             raise InputError(
@@ -88,7 +100,7 @@ class MapCache(Generic[T]):
             # References of our own: neither the emitter's address nor the array's index goes to another meanwhile.
             self._held = emitter, mi.Float(data.array)
             self._key = _key(emitter, data)
-        return MapLight(emitter, self._tables, to_world, params["scale"])
+        return MapLight(emitter, self._tables, to_world, scale, derivatives.wanted(scene))
 
 
 def _key(emitter: mi.Emitter, data: mi.TensorXf) -> tuple[Any, ...]:
@@ -99,7 +111,7 @@ def _key(emitter: mi.Emitter, data: mi.TensorXf) -> tuple[Any, ...]:
 def _rgb_texels(emitter: mi.Emitter) -> NDArray[np.float32]:
     """What the density should follow, (H, W, 3), from the emitter's own storage; bad texels are repaired there too."""
     params = mi.traverse(emitter)
-    stored = params["data"].numpy()
+    stored = dr.detach(params["data"]).numpy()
     if mi.is_spectral:
         # Three coefficients of the upsampling model and a scale; their mean over wavelengths plays the luminance.
         if not np.isfinite(stored).all():
@@ -109,8 +121,9 @@ def _rgb_texels(emitter: mi.Emitter) -> NDArray[np.float32]:
         stored = np.repeat((mean * np.maximum(stored[..., 3], 0))[..., None], 3, axis=2)
     else:
         repaired = clean(stored, "environment map of the scene")
-        if repaired is not stored:
+        # Not one that is being learned: whoever does that would learn of another one.
+        if repaired is not stored and not params["data"].array.index_ad:
             params["data"] = mi.TensorXf(repaired)
             params.update()
-            stored = repaired
+        stored = repaired
     return stored[:, 1:-1]  # without the halo columns

@@ -30,8 +30,9 @@ class FreshLight:
         inside = mix(self._seed + random)
         u = mi.Point2f(mi.Float(inside & 0xFFFF) * 2.0**-16, mi.Float(inside >> 16) * 2.0**-16)
         x = self._light.tables.sample(leaf, u, active)
-        L = self._light.radiance(si, x.uv, active)
-        return self._light.to_world @ x.d, target(L), L * dr.select(x.pdf > 0, dr.rcp(x.pdf), 0)
+        d = self._light.to_world @ x.d
+        L = self._light.radiance(si, x.uv, d, active)
+        return d, target(L), L * dr.select(x.pdf > 0, dr.rcp(x.pdf), 0)
 
 
 class SharedLight:

@@ -27,6 +27,7 @@ _SHARED = (
     "stratalux.integrators.automatic.variate",
     "stratalux.integrators.automatic.visibility",
     "stratalux.integrators.automatic.lobes",
+    "stratalux.integrators.automatic.balance",
     "stratalux.integrators.automatic.nested_strata",
     "stratalux.integrators.automatic.sample",
     "stratalux.integrators.automatic.launch",

@@ -33,6 +33,8 @@ class LeafSampler:
         self.depth, self.count = depth, trees << depth
         self.energy = environment.energy_table.total
         """∫ luminance dω over the sphere."""
+        self.total = dr.opaque(mi.Float, self.energy)
+        """The same for kernels, which are none of their own for each map."""
         bounds = cut_regions(environment.energy_table, None if regions is None else regions.bounds, depth)
         x0, y0, x1, y1 = dr.gather(mi.Vector4d, bounds, dr.arange(mi.UInt32, self.count))
         across, down = dr.opaque(mi.Float64, environment.width), dr.opaque(mi.Float64, environment.height - 1)
@@ -42,7 +44,7 @@ class LeafSampler:
 
     def arrays(self) -> tuple[mi.Float, ...]:
         """What kernels read."""
-        return (self._leaves,)
+        return self._leaves, self.total
 
     @property
     def bytes(self) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...sampling.points import mix
+from ...sampling.recording import one_at_a_time, step_by_step
 from .adaptive import Plan, plan_samples
 from .launch import Launch, Launcher
 from .lobes import DIM
@@ -41,6 +43,7 @@ class Automatic(AutomaticSample):
         self._plain._cache = self._cache
         self._launcher: Launcher | None = None
 
+    @one_at_a_time
     def render(
         self,
         scene: mi.Scene,
@@ -61,6 +64,24 @@ class Automatic(AutomaticSample):
         film.put_block(mi.ImageBlock(mi.TensorXf(raw), film.crop_offset()))
         return film.develop() if develop else mi.TensorXf()
 
+    def render_forward(
+        self, scene: mi.Scene, params: Any, sensor: mi.Sensor | int = 0, seed: int | mi.UInt32 = 0, spp: int = 0
+    ) -> mi.TensorXf:
+        """As Mitsuba's, from the same estimate in Mitsuba's own order of samples."""
+        return self._plain.render_forward(scene, params, sensor, seed, spp)
+
+    def render_backward(
+        self,
+        scene: mi.Scene,
+        params: Any,
+        grad_in: mi.TensorXf,
+        sensor: mi.Sensor | int = 0,
+        seed: int | mi.UInt32 = 0,
+        spp: int = 0,
+    ) -> None:
+        """As Mitsuba's, from the same estimate in Mitsuba's own order of samples."""
+        self._plain.render_backward(scene, params, grad_in, sensor, seed, spp)
+
     def adapts_to(self, scene: mi.Scene, sensor: mi.Sensor) -> bool:
         """Whether :meth:`passes` can render this."""
         film = sensor.film()
@@ -74,6 +95,11 @@ class Automatic(AutomaticSample):
 
         Only what :meth:`adapts_to` can be rendered so.
         """
+        return step_by_step(self._passes(scene, sensor, seed, spp))
+
+    def _passes(
+        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int
+    ) -> Iterator[tuple[_Pixels, float]]:
         spp = spp or sensor.sampler().sample_count()
         light = self.prepare(scene)
         assert light is not None

@@ -173,7 +173,7 @@ def spread(light: MapLight[LeafSampler], bsdf: mi.BSDFPtr, N: mi.Float, K: mi.Fl
     It is relative to the square of their mean, or of :data:`DIM` of the map's if that is more. No shadows.
     """
     si = _surface(sampler)
-    energy = light.tables.energy * light.scale
+    energy = light.tables.total * light.scale
     total, squares = mi.Float(0), mi.Float(0)
     k = mi.UInt32(0)
     while k < _DRAWS:

@@ -9,9 +9,10 @@ import mitsuba as mi
 
 from ...sampling.leaf_sampler import LeafSampler
 from ...sampling.points import mix, shuffle, sobol_2d, unit_float, van_der_corput
-from ..common import draw, only, target
+from ..common import SUM, draw, only, target
 from ..environment import MapLight
 from ..light_samples import FreshLight, SharedLight, launch_seed
+from .balance import Balance
 from .lobes import Allocation
 from .variate import MatteVariate
 from .visibility import Visibility
@@ -142,19 +143,16 @@ class NestedStrata:
         active: mi.Bool,
     ) -> mi.Spectrum:
         """Direct light of the environment map at ``si`` from smooth lobes."""
-        smooth, glossy = only(mi.BSDFFlags.Smooth), only(mi.BSDFFlags.Glossy)
         N, K, M, matte = self.allocation.of(bsdf, self.points.detailed, active)
-        n, K_f = mi.Float(N * M), mi.Float(K * M)
-        density = n / (light.tables.energy * light.scale)  # N M p̃ is this times the luminance
+        balance = Balance(self.allocation, light, si, bsdf, (N, K, M, matte), active)
         L_o = mi.Spectrum(0)
         variate = self.variate
         varied = variate is not None
         H = mi.Spectrum(0)  # Of the variate
         normal, albedo = mi.Vector3f(0), mi.Spectrum(0)
-        matte &= active
         if dr.hint(varied, mode="scalar"):
             normal = si.sh_frame.n * dr.sign(mi.Frame3f.cos_theta(si.wi))
-            albedo = dr.select(matte, bsdf.eval_diffuse_reflectance(si, matte) / dr.pi, 0)
+            albedo = dr.select(balance.matte, bsdf.eval_diffuse_reflectance(si, balance.matte) / dr.pi, 0)
 
         # ------------ Light samples: M in each of N strata, one ray ------------
         seed = mix(self.points.seed ^ _LEAVES)
@@ -165,18 +163,7 @@ class NestedStrata:
             j = mi.UInt32(0)
             while active & (j < M):
                 point = first + j * N + k
-                where = van_der_corput(point, self.points.seed)  # in units of 2⁻³² along the leaves
-                d, luminance, L_p = self.samples.draw(where >> (32 - light.tables.depth), where, si, active)
-                wo = si.to_local(d)
-                f = mi.Spectrum(0)
-                if dr.hint(self.allocation.any_matte, mode="scalar"):
-                    f = bsdf.eval(smooth, si, wo, matte)
-                if dr.hint(self.allocation.any_bsdf_samples, mode="scalar"):
-                    f_g, p_g = bsdf.eval_pdf(glossy, si, wo, active & (K > 0))
-                    p = density * luminance
-                    w = dr.select(p_g > 0, p / (p + K_f * p_g), 1)
-                    f = dr.select(matte, f - (1 - w) * f_g, w * f_g)
-                L_p /= n
+                d, L_p, f = self._light_sample(light, balance, si, point, active)
                 kept.offer(d, L_p * f, mix(seed ^ ~point))
                 if dr.hint(varied, mode="scalar"):
                     H += L_p * MatteVariate.cosine(dr.dot(normal, d))
@@ -194,12 +181,8 @@ class NestedStrata:
                 j = mi.UInt32(0)
                 while active & (j < M):
                     point = first + j * K + k
-                    u_lobe = unit_float(van_der_corput(shuffle(point, seed), mix(seed)))
-                    bs, weight, found = draw(bsdf, glossy, si, u_lobe, sobol_2d(point, seed), active)
-                    d = si.to_world(bs.wo)
-                    L = light.radiance_towards(d, si, found)
-                    L = dr.select(found, L / (density * target(L) + K_f * bs.pdf), 0)
-                    kept.offer(d, dr.select(found, L * weight * bs.pdf, 0), mix(seed ^ ~point))
+                    d, g, _ = self._lobe_sample(light, balance, si, bsdf, point, seed, active)
+                    kept.offer(d, g, mix(seed ^ ~point))
                     j += 1
                 L_o += self._shadowed(scene, si, kept, K, mix(seed ^ (first + k)), active)
                 k += 1
@@ -208,6 +191,70 @@ class NestedStrata:
             integral = variate.integral(light.from_world(normal)) * light.scale
             self.points.difference = albedo * (integral - H)
         return L_o
+
+    @dr.syntax
+    def differentiable(
+        self,
+        scene: mi.Scene,
+        light: MapLight[LeafSampler],
+        si: mi.SurfaceInteraction3f,
+        bsdf: mi.BSDFPtr,
+        active: mi.Bool,
+    ) -> mi.Spectrum:
+        """The same with a ray for every sample: which one survives would follow from what is differentiated."""
+        N, K, _, matte = self.allocation.of(bsdf, self.points.detailed, active)
+        balance = Balance(self.allocation, light, si, bsdf, (N, K, mi.UInt32(1), matte), active)
+        L_o, L_g = mi.Spectrum(0), mi.Spectrum(0)
+        first = shuffle(self.points.index, mix(self.points.seed ^ _LEAVES)) * N
+        k = mi.UInt32(0)
+        while dr.hint(active & (k < N), max_iterations=SUM):
+            d, L_p, f = self._light_sample(light, balance, si, first + k, active)
+            free = active & ~scene.ray_test(si.spawn_ray(d), active)
+            L_o += dr.select(free, L_p * f, 0)
+            k += 1
+        if dr.hint(self.allocation.any_bsdf_samples, mode="scalar"):
+            seed = mix(self.points.seed ^ _LOBES)
+            first = shuffle(self.points.index, seed) * K
+            k = mi.UInt32(0)
+            while dr.hint(active & (k < K), max_iterations=SUM):
+                d, g, found = self._lobe_sample(light, balance, si, bsdf, first + k, seed, active)
+                free = found & ~scene.ray_test(si.spawn_ray(d), found)
+                L_g += dr.select(free, g, 0)
+                k += 1
+        return L_o + L_g
+
+    def _light_sample(
+        self,
+        light: MapLight[LeafSampler],
+        balance: Balance,
+        si: mi.SurfaceInteraction3f,
+        point: mi.UInt32,
+        active: mi.Bool,
+    ) -> tuple[mi.Vector3f, mi.Spectrum, mi.Spectrum]:
+        """A direction of the world, L / (N M p) from there, and its part of f cos."""
+        where = van_der_corput(point, self.points.seed)  # in units of 2⁻³² along the leaves
+        d, luminance, L_p = self.samples.draw(where >> (32 - light.tables.depth), where, si, active)
+        f = balance.light_part(si.to_local(d), luminance)
+        return d, L_p / balance.n, f
+
+    @staticmethod
+    def _lobe_sample(
+        light: MapLight[LeafSampler],
+        balance: Balance,
+        si: mi.SurfaceInteraction3f,
+        bsdf: mi.BSDFPtr,
+        point: mi.UInt32,
+        seed: mi.UInt32,
+        active: mi.Bool,
+    ) -> tuple[mi.Vector3f, mi.Spectrum, mi.Bool]:
+        """A direction of the world, what it brings if nothing is in the way, and whether there is one."""
+        u_lobe = unit_float(van_der_corput(shuffle(point, seed), mix(seed)))
+        ctx = only(mi.BSDFFlags.Glossy)
+        bs, weight, found = draw(bsdf, ctx, si, u_lobe, sobol_2d(point, seed), active, light.differentiated)
+        d = si.to_world(bs.wo)
+        L = light.radiance_towards(d, si, found)
+        L = dr.select(found, balance.lobe_part(L, bs.pdf), 0)
+        return d, dr.select(found, L * weight * bs.pdf, 0), found
 
     def _shadowed(
         self,

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 
 from ...maps.envmap import EnvironmentMap
 from ...sampling.leaf_sampler import LeafSampler
+from ...sampling.recording import one_at_a_time
 from ..common import DirectIntegrator
 from ..environment import MapCache, MapLight
 from ..light_samples import FreshLight
@@ -39,11 +41,13 @@ class AutomaticSample(DirectIntegrator):
         self._scene: mi.Scene | None = None
         self._tables: NestedTables | None = None
 
+    @one_at_a_time
     def prepare(self, scene: mi.Scene) -> MapLight[NestedTables] | None:
         """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
         light = self._cache.get(scene)
         if light is not None and (self._scene is not scene or self._tables is not light.tables):
-            self._allocation = Allocation(scene, light)
+            with dr.suspend_grad():
+                self._allocation = Allocation(scene, light)
             self._scene, self._tables = scene, light.tables
         return light
 
@@ -59,7 +63,9 @@ class AutomaticSample(DirectIntegrator):
         points = sampler if isinstance(sampler, PixelPoints) else PixelPoints.of(sampler)
         samples = points.samples or FreshLight(light, points.seed)
         variate = light.tables.variate if points is sampler and self._allocation.any_matte else None
-        return NestedStrata(self._allocation, points, samples, variate).estimate(scene, light, si, bsdf, active)
+        strata = NestedStrata(self._allocation, points, samples, variate)
+        estimate = strata.differentiable if light.differentiated else strata.estimate
+        return estimate(scene, light, si, bsdf, active)
 
     def arrays(self) -> tuple[mi.UInt32, ...]:
         """All arrays that a kernel of the last scene prepared reads, besides those of the scene and of its light."""

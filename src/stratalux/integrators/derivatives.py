@@ -1,0 +1,32 @@
+"""Derivatives of a picture: what is sampled is held fixed, and what is evaluated there is differentiated.
+
+An estimate Σ_j f(x_j) / p(x_j) has the derivative Σ_j f'(x_j) / p(x_j) if its directions x_j, their densities p and all
+weights are constants. It is unbiased for what reflects and shines, whatever the samples were made for. It is wrong for
+what moves, as the places where light begins to be blocked move along (Vicini, Speierer and Jakob 2021).
+"""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+
+from ..errors import InputError
+
+
+def wanted(scene: mi.Scene) -> bool:
+    """Whether Dr.Jit records derivatives now, and something in ``scene`` has them."""
+    probe = mi.Float(0)
+    dr.enable_grad(probe)
+    return dr.grad_enabled(probe) and any(dr.grad_enabled(value) for _, value in mi.traverse(scene))
+
+
+def refuse_motion(scene: mi.Scene, sensor: mi.Sensor | int) -> None:
+    """Raise :class:`InputError` if shapes or the camera move with what is differentiated."""
+    sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
+    moving = ["shapes"] if scene.shapes_grad_enabled() else []
+    moving += ["the camera"] if any(dr.grad_enabled(value) for _, value in mi.traverse(sensor)) else []
+    if moving:
+        raise InputError(
+            f"no derivatives for the motion of {' and '.join(moving)}: edges of shadows would be left out; "
+            "use Mitsuba's 'direct_projective' for those"
+        )
