@@ -43,6 +43,7 @@ MISTAKES = re.compile(
 # What tests a module, quickest first, and pytest's -k; where nothing is said, tests/<folder>/test_<module>.py alone.
 TESTS = {
     "maps/energy_table.py": "maps/test_energy_table.py maps/test_envmap.py maps/test_median_cut.py",
+    "maps/envmap.py": "maps/test_envmap.py maps/test_cube.py",
     "maps/geometry.py": "maps/test_geometry.py maps/test_envmap.py maps/test_irradiance.py maps/test_median_cut.py",
     "maps/regions.py": "maps/test_regions.py maps/test_median_cut.py",
     "rigs/__init__.py": "rigs/test_rig.py",
