@@ -131,8 +131,13 @@ def _mutants(module: str) -> Iterator[Mutant]:
     left_out = _words(source)
     for name in filter(MISTAKES.fullmatch, operator_names()):
         operator = get_operator(name)()
-        places = [start for node in ast_nodes(get_ast(source)) for start, _ in operator.mutation_positions(node)]
-        for occurrence, start in enumerate(places):
+        places = [
+            (node, start) for node in ast_nodes(get_ast(source)) for start, _ in operator.mutation_positions(node)
+        ]
+        for occurrence, (node, start) in enumerate(places):
+            # A parameter's asterisk is taken for a product.
+            if node.parent is not None and node.parent.type in ("parameters", "param") and node.type == "operator":
+                continue
             code = mutate_code(source, operator, occurrence)
             if code is None or any(first <= start < last for first, last in left_out):
                 continue

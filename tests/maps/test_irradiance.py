@@ -50,7 +50,7 @@ def test_a_white_sky_gives_pi(height):
 
 
 def test_wide_maps_are_summed_in_blocks():
-    """A channel alone has less than one block of columns, three have two and some left over; both have blocks of rows."""
+    """A channel alone has less than one block of columns, three have two and some left over."""
     texels = np.random.default_rng(5).random((70, 130, 3)).astype(np.float32)
     together, alone = (
         irradiance_coefficients(texels),

@@ -7,7 +7,7 @@ import pytest
 
 from stratalux import EnvironmentMap, median_cut, region_content
 from stratalux.maps.geometry import texel_solid_angle
-from stratalux.rigs.kmeans import cost, kmeans, reduced_points
+from stratalux.rigs.kmeans import _relax, cost, kmeans, reduced_points
 from stratalux.rigs.lloyd import lloyd
 from stratalux.rigs.median_cut_lights import median_cut_lights
 from stratalux.rigs.voronoi import texel_directions
@@ -48,6 +48,14 @@ def test_kmeans_beats_random_centres(name: str) -> None:
         assert found < cost(points, weight, points[chosen])
     assert found < 1.02 * cost(points, weight, kmeans(environment, 20, restarts=1).direction)
     assert found < 0.97 * cost(points, weight, kmeans(environment, 20, iterations=1).direction)
+
+
+def test_an_empty_cluster_goes_to_the_point_that_costs_most() -> None:
+    points = np.array([[1, 0, 0], [0.6, 0.8, 0], [0, 0, 1]])
+    centres = _relax(points, np.array([9.0, 1, 2]), points[[0, 0]], 1)
+    assert sorted(centres.round(3).tolist()) == [[0, 0, 1], [0.997, 0.083, 0]]
+    both = _relax(points, np.ones(3), points[[0, 0, 0]], 1)
+    assert sorted(both.round(12).tolist()) == sorted(points.tolist())
 
 
 @pytest.mark.parametrize("insert", ["brightest", "farthest"])
