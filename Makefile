@@ -9,7 +9,7 @@ PYTHON ?=
 ARGS   ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help install develop llvm demo test test-slow bench lint format clean distclean
+.PHONY: help install develop llvm demo test test-slow mutants bench lint format clean distclean
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -48,6 +48,9 @@ test: lint llvm ## lint, type-check and run the tests
 
 test-slow: develop llvm ## run the statistical tests that take minutes
 	$(BIN)/python -m pytest -m slow $(ARGS)
+
+mutants: develop llvm ## put mistakes into a copy of the code, and list those no test finds; hours, or ARGS=maps/geometry.py
+	$(BIN)/python -m scripts.mutants $(ARGS)
 
 bench: llvm ## measure against the best of Mitsuba's own, on an idle machine; ARGS='--suite full' takes an hour
 	$(BIN)/stratalux bench $(ARGS)

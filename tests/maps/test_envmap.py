@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from stratalux import EnvironmentMap, EnvironmentMapWarning, InputError
+from stratalux.maps.envmap import cell_energy
+from stratalux.maps.geometry import row_weights
 from tests.helpers import hall_map
 from tests.images.make import write
 
@@ -70,6 +72,16 @@ def test_cell_energy_integrates_the_bilinear_radiance() -> None:
     area = 2 * np.pi / width * np.pi / (height - 1)
     numeric = (bilinear * np.sin(np.pi * (i + t) / (height - 1))).mean() * area
     assert environment.cell_energy[i, j] == pytest.approx(numeric, rel=1e-5)
+
+
+@pytest.mark.parametrize("height", [3, 16, 17, 18, 40])
+def test_every_cell_has_its_energy(height: int) -> None:
+    """Of maps whose rows of cells fill blocks of 16 exactly, and of those that leave one over."""
+    luminance = np.random.default_rng(height).random((height, 5)).astype(np.float32)
+    upper, lower = row_weights(height)
+    pairs = (luminance.astype(np.float64) + np.roll(luminance, -1, axis=1)) / 2
+    expected = 2 * np.pi / 5 * (upper[:, None] * pairs[:-1] + lower[:, None] * pairs[1:])
+    np.testing.assert_allclose(cell_energy(luminance), expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("suffix", [".exr", ".hdr", ".pfm"])

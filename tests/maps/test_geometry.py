@@ -15,6 +15,18 @@ def test_directions_are_unit_and_invert() -> None:
     np.testing.assert_allclose(np.stack(map_coordinates(omega)), np.stack([u, v]), atol=1e-9)
 
 
+def test_directions_of_arrays_of_any_shape() -> None:
+    u, v = np.array([[0, 0.25, 0.5], [0.75, 0, 0]]), np.array([[0.5, 0.5, 0.5], [0.5, 0, 1]])
+    expected = [[[0, 0, -1], [1, 0, 0], [0, 0, 1]], [[-1, 0, 0], [0, 1, 0], [0, -1, 0]]]
+    np.testing.assert_allclose(direction(u, v), expected, atol=1e-15)
+
+
+def test_rounding_leads_to_no_pole_that_does_not_exist() -> None:
+    y = np.array([1, -1]) * (1 + 1e-12)
+    _, v = map_coordinates(np.stack([0 * y, y, 0 * y], axis=-1))
+    assert v.tolist() == [0, 1]
+
+
 @pytest.mark.parametrize("height", [3, 4, 17, 512])
 def test_row_weights_integrate_the_bilinear_hat(height: int) -> None:
     upper, lower = row_weights(height)

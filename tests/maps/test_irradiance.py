@@ -49,6 +49,18 @@ def test_a_white_sky_gives_pi(height):
     assert max(np.abs(value).max() for k, value in coefficients.items() if k) < 1e-6
 
 
+def test_wide_maps_are_summed_in_blocks():
+    """A channel alone has less than one block of columns, three have two and some left over."""
+    texels = np.random.default_rng(5).random((70, 130, 3)).astype(np.float32)
+    together, alone = (
+        irradiance_coefficients(texels),
+        [irradiance_coefficients(texels[..., c : c + 1]) for c in range(3)],
+    )
+    largest = together[0].max()
+    for k, value in together.items():
+        np.testing.assert_allclose(value, np.concatenate([one[k] for one in alone]), atol=1e-6 * largest)
+
+
 def test_the_polynomial_is_near_the_clamped_cosine():
     t = np.linspace(-1, 1, 2001)
     error = np.polynomial.polynomial.polyval(t, clamped_cosine()) - np.maximum(t, 0)

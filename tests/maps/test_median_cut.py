@@ -101,16 +101,19 @@ def test_a_smooth_map_is_cut_into_equal_energies() -> None:
     assert energy.max() / energy.min() < 1.05
 
 
-def test_a_width_counts_times_the_sine_of_its_latitude() -> None:
-    """A uniform map of 32 x 64 cells: quarters of longitude, cut at the equator, and then across their height again.
+@pytest.mark.parametrize("rows", [(0, 11, 16, 21, 32), (0, 1, 2, 3, 4)], ids=["fine", "coarse"])
+def test_a_width_counts_times_the_sine_of_its_latitude(rows: tuple[int, ...]) -> None:
+    """A uniform map: quarters of longitude, cut at the equator, and then across their height again.
 
-    A quarter of a hemisphere is 90 degrees high, and 90 sin 45 = 64 degrees wide. The energy above row k is as
-    1 − cos(π k / 32), so half of a hemisphere's is nearest at k = 11.
+    A half of longitude is as wide as high, and cut across its width. A quarter of a hemisphere is 90 degrees high, and
+    90 sin 45 = 64 degrees wide. With 32 rows of cells, the energy above row k is as 1 − cos(π k / 32), so half of a
+    hemisphere's is nearest at k = 11.
     """
-    regions = median_cut(EnvironmentMap.from_array(np.ones((33, 64, 3))), 16)
-    rows, columns = (0, 11, 16, 21, 32), (0, 16, 32, 48, 64)
-    expected = {(y0, y1, x0, x1) for y0, y1 in pairwise(rows) for x0, x1 in pairwise(columns)}
-    assert {tuple(bounds) for bounds in regions.bounds.tolist()} == expected
+    environment = EnvironmentMap(np.ones((rows[-1] + 1, 2 * rows[-1], 3), np.float32))
+    columns = tuple(k * rows[-1] // 2 for k in range(5))
+    for n, ys in ((4, rows[::4]), (8, rows[::2]), (16, rows)):
+        expected = {(y0, y1, x0, x1) for y0, y1 in pairwise(ys) for x0, x1 in pairwise(columns)}
+        assert {tuple(bounds) for bounds in median_cut(environment, n).bounds.tolist()} == expected
 
 
 def test_any_number_of_regions() -> None:

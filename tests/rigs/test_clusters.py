@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from stratalux import EnvironmentMap, median_cut, region_content
 from stratalux.maps.geometry import texel_solid_angle
-from stratalux.rigs.kmeans import cost, kmeans, reduced_points
-from stratalux.rigs.lloyd import lloyd
+from stratalux.rigs.kmeans import _relax, cost, kmeans, reduced_points
+from stratalux.rigs.lloyd import _Diagram, lloyd
 from stratalux.rigs.median_cut_lights import median_cut_lights
 from stratalux.rigs.voronoi import texel_directions
-from tests.rigs.maps import MAPS
+from tests.rigs.maps import MAPS, random_map
 
 
 def test_median_cut_lights_are_the_content_of_the_regions() -> None:
@@ -35,6 +37,8 @@ def test_reduced_points_keep_the_energy() -> None:
     assert (points[:, 0] > 0).all()  # the lit half
     whole, _ = reduced_points(environment, (64, 128))  # smaller than that: only the black is gone
     assert len(whole) == 24 * 24
+    tall, _ = reduced_points(EnvironmentMap(random_map(24, 5)), (64, 128))
+    assert len(tall) == 24 * 5
 
 
 @pytest.mark.parametrize("name", ["random", "blobs", "hall"])
@@ -50,6 +54,14 @@ def test_kmeans_beats_random_centres(name: str) -> None:
     assert found < 0.97 * cost(points, weight, kmeans(environment, 20, iterations=1).direction)
 
 
+def test_an_empty_cluster_goes_to_the_point_that_costs_most() -> None:
+    points = np.array([[1, 0, 0], [0.6, 0.8, 0], [0, 0, 1]])
+    centres = _relax(points, np.array([9.0, 1, 2]), points[[0, 0]], 1)
+    assert sorted(centres.round(3).tolist()) == [[0, 0, 1], [0.997, 0.083, 0]]
+    both = _relax(points, np.ones(3), points[[0, 0, 0]], 1)
+    assert sorted(both.round(12).tolist()) == sorted(points.tolist())
+
+
 @pytest.mark.parametrize("insert", ["brightest", "farthest"])
 @pytest.mark.parametrize("weight", ["energy", "solid-angle"])
 def test_lloyd_cells_are_those_of_their_centroids(insert: str, weight: str) -> None:
@@ -63,6 +75,29 @@ def test_lloyd_cells_are_those_of_their_centroids(insert: str, weight: str) -> N
     closeness = points @ (moment / np.linalg.norm(moment, axis=1, keepdims=True)).T
     own = closeness[np.arange(len(points)), rig.label.ravel()]
     assert np.mean(own >= closeness.max(axis=1) - 1e-9) > 0.99
+
+
+@pytest.mark.parametrize(("insert", "alone"), [("brightest", 0), ("farthest", 2)])
+def test_lloyd_inserts_where_it_is_told_to(insert: str, alone: int) -> None:
+    """A bright texel, a dim one beside it and one opposite: the first generator is between the first two."""
+    texels = np.zeros((9, 16, 3), np.float32)
+    columns = [2, 3, 10]
+    texels[4, columns] = [[10], [1], [1]]
+    label = lloyd(EnvironmentMap(texels), 2, insert=insert, iterations=0).label[4, columns]
+    assert (label == label[alone]).tolist() == [k == alone for k in range(3)]
+
+
+@pytest.mark.parametrize(("growth", "counts"), [(None, [2, 4, 8, 16, 20]), (3.0, [2, 6, 18, 20])])
+def test_lloyd_relaxes_on_the_way(monkeypatch: pytest.MonkeyPatch, growth: float | None, counts: list[int]) -> None:
+    relax, seen = _Diagram.relax, []
+
+    def watched(self: _Diagram, *arguments: Any) -> None:
+        seen.append(self.count)
+        relax(self, *arguments)
+
+    monkeypatch.setattr(_Diagram, "relax", watched)
+    lloyd(EnvironmentMap(MAPS["blobs"]), 20, **({} if growth is None else {"growth": growth}))
+    assert seen == counts
 
 
 @pytest.mark.parametrize("insert", ["brightest", "farthest"])

@@ -226,6 +226,16 @@ def test_rig_from_labels_sums_and_leaves_out_the_empty() -> None:
     np.testing.assert_allclose(centroid, moment / np.linalg.norm(moment), rtol=1e-6)
 
 
+def test_a_light_of_one_texel_is_no_empty_one() -> None:
+    environment = EnvironmentMap(MAPS["random"])
+    label = np.zeros((24, 48), np.int32)
+    label[5, 7] = 2
+    rig = rig_from_labels(environment, label, "by hand", np.eye(3))
+    np.testing.assert_array_equal(rig.direction, np.eye(3)[[0, 2]])
+    np.testing.assert_array_equal(rig.label, label // 2)
+    np.testing.assert_allclose(rig.colour[1], texel_solid_angle(24, 48)[5, 7] * environment.texels[5, 7], rtol=1e-6)
+
+
 def test_labels_of_another_shape_are_refused() -> None:
     with pytest.raises(InputError, match=r"labels \(24, 47\) do not fit the map's \(24, 48\) texels"):
         rig_from_labels(EnvironmentMap(MAPS["random"]), np.zeros((24, 47), np.int32), "by hand")
@@ -243,6 +253,7 @@ def test_rigs_that_do_not_fit_are_refused() -> None:
         (up, one, label.astype(np.int64)),
         (up, one, label - 1),
         (up, one, label + 1),
+        (up, one, np.arange(6, dtype=np.int32).reshape(3, 2) % 2),
         (np.repeat(up, 2, axis=0), np.repeat(one, 2, axis=0), label),
         (up[:0], one[:0], label),
     ]:
