@@ -1,29 +1,33 @@
 #!/bin/sh
 # Run the tests in two processes side by side:  scripts/test.sh PYTHON [ARGUMENTS OF PYTEST]
 #
-# Each compiles kernels on one core half of the time, so two of them take little longer than one. What the statistical
-# tests print is held back until the others are done.
+# Kernels are compiled on one core, so that a single process leaves half of two cores idle for much of its time. What the
+# statistical tests print is held back until the others are done.
 set -u
 
 python=$1
 shift
+report='--durations=10 --durations-min=1'
 log=$(mktemp)
-run() { "$python" -m pytest --durations=10 --durations-min=1 "$@"; }
-
-run tests/statistics "$@" >"$log" 2>&1 </dev/null &
-other=$!
-trap 'kill "$other" 2>/dev/null; rm -f "$log"' EXIT
+# Both in the background: a signal ends a wait at once, and then them, where Dr.Jit would make a failed test of it.
+# shellcheck disable=SC2086  # two words
+"$python" -m pytest $report tests/statistics "$@" >"$log" 2>&1 &
+statistics=$!
+# shellcheck disable=SC2086
+"$python" -m pytest $report --ignore=tests/statistics "$@" &
+others=$!
+trap 'kill "$statistics" "$others" 2>/dev/null; rm -f "$log"' EXIT
 trap 'exit 130' INT
 trap 'exit 143' TERM HUP
 
-run --ignore=tests/statistics "$@"
-rest=$?
+wait "$others"
+others_status=$?
 echo "tests/statistics, at the same time:"
-wait "$other"
-statistics=$?
+wait "$statistics"
+statistics_status=$?
 cat "$log"
 
-# 5: the arguments select no test there. Of both, that is an error.
-if [ "$rest" -eq 5 ]; then exit "$statistics"; fi
-if [ "$statistics" -eq 5 ]; then exit "$rest"; fi
-exit $((rest > statistics ? rest : statistics))
+# 5: the arguments select no test there. In both, that is an error.
+if [ "$others_status" -eq 5 ]; then exit "$statistics_status"; fi
+if [ "$statistics_status" -eq 5 ]; then exit "$others_status"; fi
+exit $((others_status > statistics_status ? others_status : statistics_status))

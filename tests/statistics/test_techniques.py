@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import mitsuba as mi
 import pytest
 
@@ -14,20 +16,31 @@ OF_THEIR_OWN = ("direct", "stratified")
 UNBIASED = [name for name, technique in techniques().items() if technique.unbiased and name not in OF_THEIR_OWN]
 SLOW = pytest.mark.slow
 RUNS = 32
-VARIATIONS = [
-    "stratified:strata=16,bsdf_samples=1",
-    "stratified:strata=5,proposals=8,bsdf_samples=3",
-    "importance:samples=1",
-    "importance:samples=7,sequence=independent",
-    pytest.param("importance:samples=4,proposals=32", marks=SLOW),
-    pytest.param("importance:samples=1,proposals=9,sequence=independent", marks=SLOW),
-    "importance:samples=4,bsdf_samples=2",
-    "importance:samples=4,proposals=16,bsdf_samples=2",
-]
+MATERIALS = ("diffuse", "roughconductor")
+VARIATIONS = {
+    "stratified:strata=16,bsdf_samples=1": "roughconductor",
+    "stratified:strata=5,proposals=8,bsdf_samples=3": "roughconductor",
+    "importance:samples=1": "diffuse",
+    "importance:samples=7,sequence=independent": "diffuse",
+    "importance:samples=4,proposals=32": None,
+    "importance:samples=1,proposals=9,sequence=independent": None,
+    "importance:samples=4,bsdf_samples=2": "roughconductor",
+    "importance:samples=4,proposals=16,bsdf_samples=2": "roughconductor",
+}
+"""Properties, and the material that they matter most for: the other one is left to the slow tests."""
 
 
-@pytest.mark.parametrize("material", ["diffuse", "roughconductor"])
-@pytest.mark.parametrize("text", [*UNBIASED, *VARIATIONS])
+@pytest.mark.parametrize(
+    ("text", "material"),
+    [
+        *product(UNBIASED, MATERIALS),
+        *(
+            pytest.param(text, material, marks=() if material == quick else SLOW)
+            for text, quick in VARIATIONS.items()
+            for material in MATERIALS
+        ),
+    ],
+)
 def test_no_bias(text: str, material: str) -> None:
     technique, given = parse_technique(text)
     scene = mi.load_dict(scene_dict(material))

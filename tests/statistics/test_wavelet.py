@@ -144,8 +144,14 @@ def small_direct(material: str, texels: NDArray[np.float32] | None = None, **mor
     return direct(scene_dict(material, texels, SIZE, **more), 512)
 
 
-@pytest.mark.parametrize(("samples", "resolution", "spp"), [(1, 8, 512), (16, 16, 128)])
-@pytest.mark.parametrize("material", ["diffuse", "roughplastic", "roughconductor"])
+@pytest.mark.parametrize(
+    ("material", "samples", "resolution", "spp"),
+    [
+        *((material, 16, 16, 128) for material in ("diffuse", "roughplastic", "roughconductor")),
+        ("roughconductor", 1, 8, 512),
+        *(pytest.param(material, 1, 8, 512, marks=pytest.mark.slow) for material in ("diffuse", "roughplastic")),
+    ],
+)
 def test_same_mean_as_direct(material: str, samples: int, resolution: int, spp: int) -> None:
     ours = wavelet(samples, resolution=resolution)
     assert_same_mean(runs(small_scene(material), ours, spp, RUNS, seed=0), reference(material))
