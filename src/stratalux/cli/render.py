@@ -87,17 +87,23 @@ def render(
 
 
 def _passes(picture: PictureSettings, paths: list[Path], verbose: bool) -> Iterator[RenderResult]:
-    """The passes of a picture; what cannot be is told before anything is loaded, or after the first pass."""
+    """The passes of a picture, whose scene is loaded; a bad name is told before that."""
     import mitsuba as mi
 
-    from ..images.files import check_channels
     from ..integrators.techniques import parse_technique
     from ..rendering.passes import activate, render_passes
 
     activate(picture.machine)
     mi.set_log_level(mi.LogLevel.Info if verbose else mi.LogLevel.Error)
     parse_technique(picture.sampling.technique)
-    for result in render_passes(picture):
+    return _checked(render_passes(picture), paths)
+
+
+def _checked(passes: Iterator[RenderResult], paths: list[Path]) -> Iterator[RenderResult]:
+    """The passes, after a look whether the formats of ``paths`` can hold the film's channels."""
+    from ..images.files import check_channels
+
+    for result in passes:
         for path in paths:
             check_channels(path, result.bitmap.channel_count())
         yield result
