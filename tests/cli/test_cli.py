@@ -88,10 +88,11 @@ def test_a_picture_is_made_again_from_what_its_file_remembers(
     assert run(monkeypatch, "settings", "a.exr") == 0
     command = shlex.split(capsys.readouterr().out)
     assert command[0] == "stratalux" and run(monkeypatch, *command[1:], "-o", "again.exr", "-q") == 0
-    np.testing.assert_array_equal(np.array(mi.Bitmap("again.exr")), image)
+    # Threads add up in another order each time, so that the last digits may differ.
+    np.testing.assert_allclose(np.array(mi.Bitmap("again.exr")), image, rtol=1e-4, atol=1e-6)
     assert run(monkeypatch, "settings", "a.exr", "--python") == 0
     result = eval(capsys.readouterr().out, {"stratalux": stratalux})
-    np.testing.assert_array_equal(result.image, image)
+    np.testing.assert_allclose(result.image, image, rtol=1e-4, atol=1e-6)
     assert run(monkeypatch, "settings", "again.exr", "--json") == 0
     remembered = json.loads(capsys.readouterr().out)
     assert remembered == result.picture.to_json() and remembered["scene"]["rotate"] == [0, -30, 0]
