@@ -222,7 +222,7 @@ def _single(about: Option, types: tuple[type, ...], value: Any, name: str) -> An
         if about.minimum is not None and value < about.minimum:
             raise InputError(f"{name}: {value} is too small; give at least {about.minimum:g}")
         if about.maximum is not None and value > about.maximum:
-            raise InputError(f"{name}: {value} is too large; give at most {about.maximum:g}")
+            raise InputError(f"{name}: {value} is too large; give at most {about.maximum:.10g}")
     if about.choices and value not in about.choices:
         raise InputError(f"{name}: '{value}' is unknown; use one of {', '.join(about.choices)}")
     return value

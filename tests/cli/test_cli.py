@@ -6,6 +6,8 @@ import json
 import os
 import shlex
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import drjit as dr
@@ -279,6 +281,19 @@ def spoil() -> None:
     shear = '<emitter type="envmap"><string name="filename" value="map.exr"/>'
     shear += '<transform name="to_world"><scale x="2"/></transform></emitter>'
     Path("shear.xml").write_text(XML.format(emitter=shear))
+    texture = '<bsdf type="diffuse" id="b"><texture type="bitmap" name="reflectance">{}</texture></bsdf>'
+    Path("texture.xml").write_text(XML.format(emitter=texture.format("")))
+    piped = texture.format('<string name="filename" value="pipe.xml"/>')
+    Path("texture-pipe.xml").write_text(XML.format(emitter=piped))
+    aov = '<integrator type="aov"><string name="aovs" value="depth"/><integrator type="direct"/></integrator>'
+    Path("aov.xml").write_text(XML.format(emitter=aov))
+    wide = '<film type="hdrfilm"><rfilter type="gaussian"><float name="stddev" value="-1e30"/></rfilter>'
+    Path("wide.xml").write_text(XML.replace('<film type="hdrfilm">', wide).format(emitter=""))
+    Path("latin.xml").write_bytes(XML.format(emitter='<shape type="\xe9"/>').encode("latin-1"))
+    for name in ("pipe.xml", "pipe.exr"):
+        os.mkfifo(name)
+    os.symlink("loop.exr", "loop.exr")
+    os.symlink("no/such/a.exr", "nowhere.exr")
     Path("folder.exr").mkdir()
     Path("full").mkdir()
     Path("full/precious.txt").touch()
@@ -339,6 +354,40 @@ def spoil() -> None:
         ("compare demo -t path -o folder.exr/no/place", "cannot be written"),
         ("compare demo -t path -o map.exr", "is a file"),
         ("compare demo -t path -o full --force", "is not empty"),
+        (f"render {'x' * 300}.xml", "File name too long"),
+        ("render full", "full: is a folder; give a Mitsuba scene"),
+        ("render pipe.xml", "pipe.xml: is a pipe or a device"),
+        ("render demo -o pipe.exr", "pipe.exr: is a pipe or a device"),
+        ("render demo -o loop.exr", "loop.exr: cannot be written"),
+        ("render demo -o nowhere.exr", "no/such/a.exr: cannot be written"),
+        ("render demo -o=", "is empty"),
+        (f"render demo -o {'x' * 300}/a.exr", "the name has 300 bytes"),
+        ("render demo -o a.exr -o ./a.exr", "is to be written twice"),
+        ("render mesh.obj --env map.exr -o map.exr", "map.exr: is read, and would be lost"),
+        ("render mesh.obj --env=", "is no map"),
+        ("render demo --variant=", "variant : unknown"),
+        ("render scene.xml -D radius=\udcff", "is not UTF-8"),
+        ("render scene.xml -D radius=nan", "scene.xml, line 7: nan is no number"),
+        ("render scene.xml -D radius=1e39", "1e39 is no number"),
+        ("render texture.xml", "a bitmap without a file"),
+        ("render texture-pipe.xml", "pipe.xml: is no file"),
+        ("render aov.xml", "'depth' is no AOV; write name:type"),
+        ("render wide.xml", "a reconstruction filter has a radius of"),
+        ("render latin.xml", "latin.xml: is not UTF-8"),
+        ("render a\fb.xml", "a\\x0cb.xml: no such file"),
+        ("render demo -t direct:emitter_samples=0,bsdf_samples=0", "are all 0"),
+        ("render demo -t direct:emitter_samples=1048576", "too large; give at most 512"),
+        (f"compare demo -t path -o {'x' * 300}", "the name has 300 bytes"),
+        ("compare demo -t path -o \udcff", "?: the name is not UTF-8"),
+        ("compare demo -t path -o=", "is empty"),
+        (f"reproduce -o {'x' * 300}", "the name has 300 bytes"),
+        (f"stratify {'x' * 300}.exr", "File name too long"),
+        ("stratify map.exr -o a.png --json a.png", "is to be written twice"),
+        ("stratify map.exr --json map.exr", "is read, and would be lost"),
+        ("stratify map.exr -o=", "is empty"),
+        ("stratify map.exr -n 99999999999", "-n"),
+        ("rig map.exr -o=", "is empty"),
+        (f"settings {'x' * 300}.exr", "File name too long"),
         ("render", "SCENE"),
         ("render demo --nonsense", "nonsense"),
         ("render demo --technique nonsense", "nonsense"),
@@ -384,12 +433,54 @@ def test_bad_input_takes_one_line_and_exits_with_2(
 ) -> None:
     spoil()
     before = sorted(p.name for p in Path().iterdir())
-    assert run(monkeypatch, *arguments.split()) == 2
+    assert run(monkeypatch, *arguments.split(" ")) == 2
     captured = capfd.readouterr()
     assert captured.err.count("\n") == 1 and captured.err.startswith("stratalux: error: "), captured.err
     assert words in captured.err
     assert captured.out == ""
     assert sorted(p.name for p in Path().iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("shell", "code", "words"),
+    [
+        ("stratify none.exr 2>&-", 2, ""),
+        ("stratify map.exr >&- 2>&-", 0, ""),
+        ("stratify map.exr >/dev/full", 2, "standard output, or another file: No space left on device\n"),
+        ("stratify map.exr -o \udcff.png", 2, "the name is not UTF-8"),
+    ],
+)
+def test_streams_that_are_closed_or_full(folder: Path, shell: str, code: int, words: str) -> None:
+    command = f"exec {shlex.quote(sys.executable)} -m stratalux {shell}"
+    done = subprocess.run(["sh", "-c", command], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == code and done.stderr.endswith(words) | (words in done.stderr), done
+    assert "Traceback" not in done.stderr and done.stderr.count("\n") <= 1
+
+
+def test_what_cannot_be_shown_is_escaped(folder: Path) -> None:
+    command = [sys.executable, "-m", "stratalux", "techniques"]
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True, env=environment)
+    assert "Kollig" in done.stdout or "\\x" in done.stdout
+
+
+def test_the_largest_seed_is_remembered(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(monkeypatch, "render", "scene.xml", "--seed", "4294967295", *SMALL, "-o", "a.exr", "-q") == 0
+    assert run(monkeypatch, "settings", "a.exr") == 0
+    assert "--seed 4294967295" in capsys.readouterr().out
+
+
+def test_a_link_is_followed_and_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    os.symlink("real.exr", "link.exr")
+    assert run(monkeypatch, "render", "scene.xml", *SMALL, "-o", "link.exr", "-q") == 0
+    assert Path("link.exr").is_symlink() and Path("real.exr").is_file()
+
+
+def test_turns_of_any_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    for angle in ("90", str(90 + 360 * 10**9)):
+        arguments = ("--env-rotate", angle, *SMALL, "-o", f"{len(angle)}.exr", "-q")
+        assert run(monkeypatch, "render", "scene.xml", *arguments) == 0
+    np.testing.assert_array_equal(np.array(mi.Bitmap("2.exr")), np.array(mi.Bitmap("12.exr")))
 
 
 def test_odd_maps_are_rendered_with_a_warning(

@@ -15,7 +15,7 @@ from ..assets import Assets
 from ..comparison.provenance import machine, versions
 from ..comparison.study import Study
 from ..errors import InputError
-from ..images.files import check_writable
+from ..images.files import check_name, check_writable
 from ..rendering.settings import MachineSettings
 from ..rendering.variants import choose_variant
 from ..settings import documented
@@ -187,6 +187,7 @@ def _at_hand(cases: Sequence[Case], assets: Assets) -> tuple[list[Case], list[st
 
 
 def _check(folder: Path) -> None:
+    check_name(folder)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; name another folder with -o")
     try:

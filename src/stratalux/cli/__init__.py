@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 import warnings
+from contextlib import suppress
 from importlib import import_module
 
 import click
@@ -77,6 +79,7 @@ def cli(ctx: click.Context, debug: bool) -> None:
 def main() -> None:
     """Run the command line: errors take one line on stderr; bad input exits with 2, an error of ours with 1."""
     warnings.showwarning = _show_warning
+    _open_streams()
     try:
         sys.exit(cli.main(standalone_mode=False, prog_name="stratalux"))
     except click.ClickException as error:
@@ -89,9 +92,12 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(141)
+    except OSError as error:  # of a file of the user's: a full disk, no permission
+        _debug()
+        what = error.filename if error.filename is not None else "standard output, or another file"
+        _fail(f"{os.fsdecode(what) if isinstance(what, bytes) else what}: {error.strerror or error}")
     except Exception as error:
-        if "--debug" in sys.argv:
-            traceback.print_exc()
+        _debug()
         said = " ".join(f"{type(error).__name__}: {error}".split())
         print(
             f"stratalux: error: {said}; this is ours: please report it, with what stratalux --debug ... prints",
@@ -100,9 +106,32 @@ def main() -> None:
         sys.exit(1)
 
 
+def _open_streams() -> None:
+    """Streams that are closed would be the next files that are opened, and what a stream cannot show would end us."""
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        with suppress(OSError):
+            os.fstat(number)
+            continue
+        os.open(os.devnull, os.O_RDWR)  # gets the lowest number that is free: this one
+        setattr(sys, name, os.fdopen(number, mode, closefd=False))
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _debug() -> None:
+    if "--debug" in sys.argv:
+        traceback.print_exc()
+
+
 def _fail(message: str) -> None:
-    print(f"stratalux: error: {message}", file=sys.stderr)
+    print(f"stratalux: error: {_one_line(message)}", file=sys.stderr)
     sys.exit(2)
+
+
+def _one_line(text: str) -> str:
+    """Names may have line breaks, and worse."""
+    return "".join(c if c.isprintable() or "\udc80" <= c <= "\udcff" else repr(c)[1:-1] for c in text)
 
 
 def _show_warning(
@@ -114,4 +143,4 @@ def _show_warning(
     line: str | None = None,
 ) -> None:
     if issubclass(category, (EnvironmentMapWarning, SceneWarning, CacheWarning)):
-        print(f"stratalux: warning: {message}", file=sys.stderr)
+        print(f"stratalux: warning: {_one_line(str(message))}", file=sys.stderr)

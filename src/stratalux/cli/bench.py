@@ -53,7 +53,7 @@ def bench(bench: BenchSettings, machine: MachineSettings, json_path: str | None,
 
     if json_path not in (None, "-"):
         check_writable(json_path)
-    folder = Path(bench.folder or f"bench-{bench.suite}")
+    folder = Path(f"bench-{bench.suite}" if bench.folder is None else bench.folder)
     bar, tell = share_of_work("measuring", quiet=quiet, speed_estimate_period=_SPEED_SECONDS)
     with bar:
         suite = benchmark.SUITES[bench.suite]

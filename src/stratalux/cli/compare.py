@@ -10,7 +10,7 @@ import click
 
 from ..comparison.settings import ComparisonSettings
 from ..rendering.settings import MachineSettings
-from ..scenes.settings import CameraSettings, SceneSettings
+from ..scenes.settings import CameraSettings, SceneSettings, check_source
 from .flags import flags
 from .progress import console as standard_output
 from .progress import share_of_work
@@ -55,7 +55,8 @@ def compare(
     from ..comparison.results import check_folder
     from ..rendering.passes import activate
 
-    folder = check_folder(output or f"compare-{Path(scene.source).stem}", force=force)
+    check_source(scene.source)
+    folder = check_folder(f"compare-{Path(scene.source).stem}" if output is None else output, force=force)
     machine = activate(machine)
     mi.set_log_level(mi.LogLevel.Error)
     bar, tell = share_of_work("comparing", quiet=quiet)

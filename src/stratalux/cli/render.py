@@ -11,7 +11,7 @@ import click
 
 from ..images.settings import OutputSettings
 from ..rendering.settings import MachineSettings, PictureSettings, SamplingSettings
-from ..scenes.settings import CameraSettings, SceneSettings
+from ..scenes.settings import CameraSettings, SceneSettings, check_source
 from .flags import flags
 from .progress import progress_bar
 
@@ -62,14 +62,18 @@ def render(
       stratalux render demo --technique importance:samples=32,proposals=128 -o importance.png
       stratalux render matpreview.xml -D spp=64 --env forest.hdr --env-rotate 90 -o preview.exr
     """
-    from ..images.files import check_output
+    from ..images.files import check_different, check_output
 
+    check_source(scene.source)
     paths = [check_output(path) for path in outputs or (f"{Path(scene.source).stem}.exr",)]
+    check_different(paths, [scene.source, *([scene.environment] if scene.environment else [])])
     picture = PictureSettings(scene, camera, sampling, image, machine)
     result, stopped = _watch(lambda: _passes(picture, paths, verbose), sampling, quiet=quiet)
     if result is None:
         print("stratalux: interrupted before the first pass was done; nothing to keep", file=sys.stderr)
         sys.exit(130)
+    if lost := _without_numbers(result):
+        print(f"stratalux: warning: {lost} pixel(s) are not finite numbers; something is too bright", file=sys.stderr)
     for path in paths:
         result.write(path)
     if not quiet:
@@ -107,6 +111,13 @@ def _checked(passes: Iterator[RenderResult], paths: list[Path]) -> Iterator[Rend
         for path in paths:
             check_channels(path, result.bitmap.channel_count())
         yield result
+
+
+def _without_numbers(result: RenderResult) -> int:
+    """How many pixels are infinite or no number."""
+    import numpy as np
+
+    return int(np.count_nonzero(~np.isfinite(result.image).all(axis=-1)))
 
 
 def _watch(start: Any, sampling: SamplingSettings, *, quiet: bool) -> tuple[Any, bool]:

@@ -7,6 +7,7 @@ import time
 import click
 
 from ..images.settings import MemorySettings, OutputSettings
+from ..rendering.settings import MOST_STRATA
 from ..rigs import RIGS
 from .flags import flags
 from .output import write_json
@@ -15,7 +16,9 @@ from .output import write_json
 @click.command()
 @click.argument("map_file", metavar="MAP")
 @click.option("--method", type=click.Choice(list(RIGS)), default="median-cut", show_default=True, help="Technique.")
-@click.option("-n", "-N", "--lights", "n", type=click.IntRange(min=1), default=64, show_default=True, help="Lights.")
+@click.option(
+    "-n", "-N", "--lights", "n", type=click.IntRange(1, MOST_STRATA), default=64, show_default=True, help="Lights."
+)
 @click.option("-o", "--output", help="The rig as JSON; - for standard output.")
 @click.option("--plot", help="Picture of the map with the lights and their cells (.png, .jpg).")
 @flags(picture=OutputSettings, machine=MemorySettings)
@@ -38,22 +41,23 @@ def rig(
       stratalux rig venice.hdr --method kmeans -n 32 -o rig.json --plot rig.png
       stratalux rig grace.exr --method structured -n 300 -o - | jq '.lights | length'
     """
-    from ..images.files import PICTURE_SUFFIXES, check_output, check_writable, write_picture
+    from ..images.files import PICTURE_SUFFIXES, check_different, check_output, check_writable, write_picture
     from ..maps.envmap import EnvironmentMap
     from ..rigs import light_rig
     from ..rigs.picture import draw_rig
 
-    if plot:
+    if plot is not None:
         check_output(plot, PICTURE_SUFFIXES)
-    if output and output != "-":
+    if output not in (None, "-"):
         check_writable(output)
+    check_different([path for path in (plot, output) if path not in (None, "-")], [map_file])
     environment = EnvironmentMap.load(map_file, max_memory=machine.max_memory)
     start = time.perf_counter()
     made = light_rig(method, environment, n)
     seconds = time.perf_counter() - start
-    if plot:
+    if plot is not None:
         write_picture(plot, draw_rig(environment, made, picture.exposure))
-    if output:
+    if output is not None:
         write_json(output, {"map": map_file, "preprocessing_seconds": seconds, **made.describe()})
     colour = " ".join(f"{c:.4g}" for c in made.total_colour)
     short = "" if len(made) == n else f" (of {n} asked for)"

@@ -8,13 +8,16 @@ from typing import Any
 import click
 
 from ..images.settings import MemorySettings, OutputSettings
+from ..rendering.settings import MOST_STRATA
 from .flags import flags
 from .output import write_json
 
 
 @click.command()
 @click.argument("map_file", metavar="MAP")
-@click.option("-n", "-N", "--strata", "n", type=click.IntRange(min=1), default=64, show_default=True, help="Regions.")
+@click.option(
+    "-n", "-N", "--strata", "n", type=click.IntRange(1, MOST_STRATA), default=64, show_default=True, help="Regions."
+)
 @click.option("-o", "--output", help="Picture of the map with the borders of the regions (.png, .jpg).")
 @click.option("--json", "json_file", help="The regions as JSON; - for standard output.")
 @flags(picture=OutputSettings, machine=MemorySettings)
@@ -34,23 +37,24 @@ def stratify(
       stratalux stratify grace.exr -n 37 --json regions.json
       stratalux stratify grace.exr -n 16 --json - | jq '.regions[0].direction'
     """
-    from ..images.files import PICTURE_SUFFIXES, check_output, check_writable, write_picture
+    from ..images.files import PICTURE_SUFFIXES, check_different, check_output, check_writable, write_picture
     from ..maps.envmap import EnvironmentMap
     from ..maps.median_cut import median_cut
     from ..maps.regions import describe_regions
     from ..rigs.picture import draw_regions
 
-    if output:
+    if output is not None:
         check_output(output, PICTURE_SUFFIXES)
-    if json_file and json_file != "-":
+    if json_file not in (None, "-"):
         check_writable(json_file)
+    check_different([path for path in (output, json_file) if path not in (None, "-")], [map_file])
     environment = EnvironmentMap.load(map_file, max_memory=machine.max_memory)
     start = time.perf_counter()
     regions = median_cut(environment, n)
     milliseconds = 1000 * (time.perf_counter() - start)
-    if output:
+    if output is not None:
         write_picture(output, draw_regions(environment, regions, picture.exposure))
-    if json_file:
+    if json_file is not None:
         write_json(json_file, {"map": map_file, **describe_regions(environment, regions)})
     click.echo(_summary(regions, n, milliseconds), err=json_file == "-")
 

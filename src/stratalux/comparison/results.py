@@ -48,7 +48,7 @@ from typing import Any
 import mitsuba as mi
 
 from ..errors import InputError
-from ..images.files import check_writable, umask, write_image
+from ..images.files import check_name, check_writable, umask, write_image
 from ..report.html import write_report
 from .curves import draw_curves, why_no_curves
 from .findings import Findings
@@ -65,6 +65,7 @@ def check_folder(folder: str | Path, *, force: bool = False) -> Path:
 
     A folder that exists must be empty or, with ``force``, hold the results of a comparison and nothing else.
     """
+    check_name(folder)
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; name another folder with -o")

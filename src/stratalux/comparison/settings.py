@@ -9,7 +9,7 @@ from typing import Any
 from ..errors import InputError
 from ..settings import Kind, Settings, option
 
-MOST_RAYS = 1 << 30
+MOST_RAYS = 1 << 20
 
 
 def _counts(value: Any) -> tuple[int, ...]:

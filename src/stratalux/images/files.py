@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +29,7 @@ _LONGEST_NAME = 255
 
 def check_output(path: str | Path, suffixes: tuple[str, ...] = OUTPUT_SUFFIXES) -> Path:
     """Make sure, before any work is done, that an image can be written to ``path``. Raises :class:`InputError`."""
+    _check_given(path)
     path = Path(path)
     if path.suffix.lower() not in suffixes:
         raise InputError(
@@ -40,15 +41,17 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = OUTPUT_SUFFIXES) 
 
 def check_writable(path: str | Path) -> None:
     """Raise :class:`InputError` if no file can be written at ``path``."""
+    _check_given(path)
     path = Path(path)
-    name = os.fsencode(path.name)
-    if shown(path) != str(path):
-        raise InputError(f"{shown(path)}: the name is not UTF-8; choose another with -o")
-    if len(name) > _LONGEST_NAME:
-        raise InputError(f"{path.name[:40]}...: the name has {len(name)} bytes; give one of at most {_LONGEST_NAME}")
+    check_name(path)
+    path = Path(os.path.realpath(path))
     if path.is_dir():
         raise InputError(f"{path}: is a folder; give the name of a file")
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: is a pipe or a device, which an image cannot replace; give the name of a file")
     try:
+        if path.is_symlink():
+            raise OSError("links in a circle")
         with tempfile.TemporaryFile(dir=path.parent):
             pass
         if path.exists() and not os.access(path, os.W_OK):
@@ -56,6 +59,34 @@ def check_writable(path: str | Path) -> None:
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError(f"{path}: cannot be written ({reason}); choose another place with -o") from None
+
+
+def check_name(path: str | Path) -> None:
+    """Raise :class:`InputError` if no file or folder can have that name."""
+    _check_given(path)
+    if shown(path) != str(path):
+        raise InputError(f"{shown(path)}: the name is not UTF-8; choose another with -o")
+    for name in Path(path).parts:
+        if len(size := os.fsencode(name)) > _LONGEST_NAME:
+            raise InputError(f"{name[:40]}...: the name has {len(size)} bytes; give one of at most {_LONGEST_NAME}")
+
+
+def check_different(paths: Sequence[str | Path], inputs: Sequence[str | Path] = ()) -> None:
+    """Raise :class:`InputError` if one of the files to write is there twice, or is an input."""
+    before = {os.path.realpath(path) for path in inputs}
+    seen: set[str] = set()
+    for path in paths:
+        where = os.path.realpath(path)
+        if where in seen:
+            raise InputError(f"{path}: is to be written twice; leave one out, or give it another name")
+        if where in before:
+            raise InputError(f"{path}: is read, and would be lost; give the output another name")
+        seen.add(where)
+
+
+def _check_given(path: str | Path) -> None:
+    if not str(path):
+        raise InputError("the name of the output is empty; give one")
 
 
 def write_image(
@@ -76,8 +107,9 @@ def write_image(
     elif path.suffix.lower() in COLOUR_SUFFIXES:
         bitmap = mi.Bitmap(_colours(bitmap))
     else:
-        for key, value in (metadata or {}).items():
-            bitmap.metadata()[key] = value
+        for key, value in (metadata or {}).items():  # whose integers have 32 bits
+            large = isinstance(value, int) and not -(1 << 31) <= value < 1 << 31
+            bitmap.metadata()[key] = str(value) if large else value
     write_atomically(path, bitmap.write)
 
 
@@ -112,7 +144,7 @@ def jpeg(pixels: NDArray[np.uint8], quality: int = 85) -> bytes:
 
 def write_atomically(path: str | Path, write: Callable[[str], object]) -> None:
     """Call ``write`` with a temporary name beside ``path`` and then rename: the file appears complete or not at all."""
-    path = Path(path)
+    path = Path(os.path.realpath(path))  # what a link leads to, not the link
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".stratalux-", suffix=path.suffix.lower())
     os.close(handle)
     try:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from . import radiance
 from .colour import PRIMARIES, REC709, decode, luminance_weights, to_rec709, transform
+from .files import shown
 from .layers import Choice, choose
 from .reader import Reader, ReadError
 from .repair import repair
@@ -91,8 +92,12 @@ def read_text(path: str | Path, name: str) -> str | None:
 @contextmanager
 def _one_line(path: Path) -> Iterator[None]:
     """Whatever goes wrong with a file is an :class:`InputError` of one line."""
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; give an image ({', '.join(SUFFIXES[:3])}, ...)")
+    try:
+        found = path.is_file()
+    except OSError as error:  # a name that is too long
+        raise InputError(f"{shown(path)}: {error.strerror or error}") from None
+    if not found:
+        raise InputError(f"{shown(path)}: no such file; give an image ({', '.join(SUFFIXES[:3])}, ...)")
     try:
         yield
     except InputError:

@@ -6,6 +6,9 @@ from typing import Any
 
 from .techniques import Property, Technique
 
+_MOST = 512
+"""Mitsuba writes its code once for each of these samples, and is compiled for a minute at that number."""
+
 TECHNIQUES = (
     Technique(
         name="direct",
@@ -14,9 +17,10 @@ TECHNIQUES = (
         source="Veach and Guibas 1995 (power heuristic); Mitsuba 3",
         unbiased=True,
         properties={
-            "emitter_samples": Property(1, "shadow rays to the emitters", minimum=0),
-            "bsdf_samples": Property(1, "rays drawn from the BSDF", minimum=0),
+            "emitter_samples": Property(1, "shadow rays to the emitters", minimum=0, maximum=_MOST),
+            "bsdf_samples": Property(1, "rays drawn from the BSDF", minimum=0, maximum=_MOST),
         },
+        needs_rays=True,
         rays=("emitter_samples", "bsdf_samples"),
     ),
     Technique(

@@ -47,7 +47,7 @@ class Property:
         if self.minimum is not None and not isinstance(value, str) and value < self.minimum:
             raise InputError(f"{name}: {value!r} is too small; give at least {self.minimum:g}")
         if not isinstance(value, str) and value > self.maximum:
-            raise InputError(f"{name}: {value!r} is too large; give at most {self.maximum:g}")
+            raise InputError(f"{name}: {value!r} is too large; give at most {self.maximum:.10g}")
         if self.choices and value not in self.choices:
             raise InputError(f"{name}: '{value}' is unknown; use one of {', '.join(self.choices)}")
         return value
@@ -61,7 +61,7 @@ class Technique:
     properties that count rays per shading point; the first of them is what a comparison varies. A technique without
     such properties traces ``rays_per_sample`` rays, and a comparison varies its samples per pixel. ``pinned``: defaults
     that replace those of ``properties`` as soon as one of them is given; until then the technique chooses by itself,
-    with up to ``automatic_rays`` rays.
+    with up to ``automatic_rays`` rays. ``needs_rays``: those that ``rays`` names cannot all be 0.
     """
 
     name: str
@@ -75,6 +75,7 @@ class Technique:
     rays_per_sample: int = 0
     pinned: Mapping[str, Value] = field(default_factory=dict)
     automatic_rays: int = 0
+    needs_rays: bool = False
 
     def settings(self, given: Mapping[str, Value] | None = None) -> dict[str, Value]:
         """All properties, ``given`` ones checked and the others at their defaults; raises :class:`InputError`."""
@@ -87,6 +88,8 @@ class Technique:
         settings = defaults | {
             name: self.properties[name].check(value, f"technique {self.name}: {name}") for name, value in given.items()
         }
+        if self.needs_rays and not any(settings[name] for name in self.rays):
+            raise InputError(f"technique {self.name}: {' and '.join(self.rays)} are all 0; give one of them at least 1")
         if settings == defaults:
             return settings
         return settings | {name: value for name, value in self.pinned.items() if settings[name] == defaults[name]}

@@ -20,7 +20,7 @@ from ..images.files import write_image
 from ..integrators.techniques import Value, parse_technique
 from ..scenes.load import load
 from ..settings import documented
-from .settings import GROUPS, METADATA, MachineSettings, PictureSettings, SamplingSettings
+from .settings import GROUPS, LARGEST_SEED, METADATA, MachineSettings, PictureSettings, SamplingSettings
 from .variants import choose_variant, why_not
 
 _SAMPLES_PER_PASS = 1 << 25
@@ -201,7 +201,7 @@ def _passes(
     total: mi.TensorXf | None = None
     done = 0
     for k, count in enumerate(_pass_sizes(spp, work)):
-        integrator.render(scene, camera, seed=seed + k, spp=count, develop=False, evaluate=True)
+        integrator.render(scene, camera, seed=(seed + k) & LARGEST_SEED, spp=count, develop=False, evaluate=True)
         raw = camera.film().develop(raw=True)
         total = raw if total is None else total + raw
         dr.eval(total)

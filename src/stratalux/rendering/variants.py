@@ -66,7 +66,7 @@ def choose_variant(name: str | None = None) -> str:
 
     Raises :class:`InputError` that says what is missing.
     """
-    candidates = (name,) if name else PREFERRED
+    candidates = PREFERRED if name is None else (name,)
     reasons = {}
     for variant in candidates:
         reasons[variant] = why_not(variant)

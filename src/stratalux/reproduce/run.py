@@ -15,7 +15,7 @@ from ..assets import Assets
 from ..comparison import provenance
 from ..comparison.study import Progress, Study
 from ..errors import InputError
-from ..images.files import check_writable
+from ..images.files import check_name, check_writable
 from ..report.model import Report, Section
 from .items import ITEMS
 from .output import write_all
@@ -94,6 +94,7 @@ def item_names(items: Sequence[str]) -> list[str]:
 
 def check_folder(folder: str | Path) -> Path:
     """Make sure that results can be written to ``folder``: a new or empty one, or that of a former reproduction."""
+    check_name(folder)
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; name another folder with -o")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -99,7 +100,7 @@ def _orient(scene: mi.Scene, rotate: tuple[float, float, float], scale: float) -
     params = mi.traverse(emitter)
     rotation = mi.ScalarTransform4f()
     for axis, angle in zip(np.eye(3).tolist(), rotate, strict=True):
-        rotation = mi.ScalarTransform4f().rotate(axis, angle) @ rotation
+        rotation = mi.ScalarTransform4f().rotate(axis, math.fmod(angle, 360)) @ rotation
     params["to_world"] = type(params["to_world"])(rotation.matrix) @ params["to_world"]
     params["scale"] = params["scale"] * scale
     if scale > _LARGE and np.abs(params["data"].numpy()).max() * float(dr.slice(params["scale"], 0)) > LIMIT:

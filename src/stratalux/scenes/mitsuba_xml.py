@@ -6,18 +6,16 @@ import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
-from xml.parsers import expat
 
 import mitsuba as mi
 
 from ..errors import InputError, SceneWarning
 from ..images.files import one_line
-from .settings import MOST_PIXELS
+from .settings import MOST_PIXELS, check_source
+from .xml_checks import check_filters, check_objects, check_text
 
 ENVIRONMENT_PLUGINS = ("envmap", "constant", "sunsky", "sky", "sun")
 
-_DEEPEST = 200
-"""Elements within elements: Mitsuba's parser calls itself for each, until the stack is full."""
 _DIRECT = ("direct", "direct_stratified", "direct_importance", "direct_wavelet", "direct_lights")
 """Integrators of which nothing is lost when another one of direct light takes their place."""
 _SEE_THROUGH = ("DeltaTransmission", "GlossyTransmission", "Null")
@@ -31,9 +29,8 @@ def load_xml(
     ``environment``: bitmap of a map that replaces the scene's own. ``size``: of the film in pixels.
     Warns with a :class:`SceneWarning` of what the file asks for and is not shown. Raises :class:`InputError`.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; give a Mitsuba scene, a mesh, or demo")
-    _check_nesting(path, (), dict(parameters))
+    check_source(str(path))
+    check_text(path, dict(parameters))
     config = mi.parser.ParserConfig(mi.variant())
     outer = mi.file_resolver()
     inner = mi.FileResolver(outer)
@@ -42,6 +39,7 @@ def load_xml(
     try:
         state = mi.parser.parse_file(config, str(path.resolve()), **parameters)
         mi.parser.transform_all(config, state)
+        check_objects(state)
         _set_films(path, state, size)
         hide_emitters = _integrator(path, state)
         if environment is not None:
@@ -49,6 +47,8 @@ def load_xml(
         scene = mi.parser.instantiate(config, state)
     except InputError:
         raise
+    except UnicodeError:
+        raise InputError(f"{path}: is not UTF-8, or names something that is not; save it as UTF-8") from None
     except (RuntimeError, ValueError, TypeError) as error:
         raise InputError(f"{path}: {one_line(error)}") from None
     finally:
@@ -58,48 +58,9 @@ def load_xml(
         raise InputError(f"{path}: holds a {type(scene).__name__}, not a scene")
     if not scene.sensors():
         raise InputError(f"{path}: the scene has no sensor; add one")
+    check_filters(path, scene)
     _tell_what_lets_light_through(path, scene)
     return scene, hide_emitters
-
-
-def _check_nesting(path: Path, within: tuple[Path, ...], parameters: dict[str, str]) -> None:
-    """Raise :class:`InputError` for elements or includes that are nested without end."""
-    if path.resolve() in within:
-        raise InputError(f"{path}: includes itself; take that <include> out")
-    if len(within) > _DEEPEST:
-        raise InputError(f"{within[0]}: includes are nested more than {_DEEPEST} deep")
-    depth = 0
-    included: list[str] = []
-
-    def begin(name: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > _DEEPEST:
-            raise InputError(f"{path}: elements are nested more than {_DEEPEST} deep; no scene needs that")
-        if name == "default" and "name" in attributes:
-            parameters.setdefault(attributes["name"], attributes.get("value", ""))
-        if name == "include":
-            included.append(attributes.get("filename", ""))
-
-    def end(name: str) -> None:
-        nonlocal depth
-        depth -= 1
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = begin, end
-    try:
-        with path.open("rb") as file:
-            parser.ParseFile(file)
-    except expat.ExpatError:
-        pass  # Mitsuba's own parser says where and why
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    for name in included:
-        for key in sorted(parameters, key=len, reverse=True):
-            name = name.replace(f"${key}", parameters[key])
-        other = path.parent / name
-        if other.is_file():
-            _check_nesting(other, (*within, path.resolve()), parameters)
 
 
 def _set_films(path: Path, state: mi.parser.ParserState, size: tuple[int, int] | None) -> None:

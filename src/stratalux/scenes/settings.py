@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
@@ -63,6 +64,20 @@ def _parse_rotation(text: str) -> tuple[float, float, float]:
     return angles[0], angles[1], angles[2]
 
 
+def check_source(source: str) -> None:
+    """Make sure, before any work is done, that there is such a scene; raises :class:`InputError`."""
+    if source == "demo":
+        return
+    path = Path(source)
+    try:
+        what = "is a folder" if path.is_dir() else "is a pipe or a device" if path.exists() else "no such file"
+        if source and path.is_file():
+            return
+    except OSError as error:
+        what = error.strerror or str(error)
+    raise InputError(f"{source or 'an empty name'}: {what}; give a Mitsuba scene, a mesh, or demo")
+
+
 def _definition(value: Any) -> tuple[str, str]:
     if isinstance(value, str):
         return _parse_definition(value)
@@ -70,21 +85,27 @@ def _definition(value: Any) -> tuple[str, str]:
         name, text = value
     except (TypeError, ValueError):
         raise InputError(f"parameters: {value!r} is not a name and a value") from None
-    return str(name), str(text)
+    return _utf8(str(name)), _utf8(str(text))
+
+
+def _utf8(text: str) -> str:
+    if text.encode("utf-8", "replace").decode("utf-8") != text:
+        raise InputError(f"parameters: {text!r} is not UTF-8")
+    return text
 
 
 def _parse_definition(text: str) -> tuple[str, str]:
     name, separator, value = text.partition("=")
     if not (name and separator):
         raise InputError(f"'{text}' is not a definition; write name=value")
-    return name, value
+    return _utf8(name), _utf8(value)
 
 
 def _map(value: Any) -> Any:
     """A file, or a map of a program, which has texels."""
     if hasattr(value, "texels"):
         return value
-    if isinstance(value, str) or hasattr(value, "__fspath__"):
+    if (isinstance(value, str) or hasattr(value, "__fspath__")) and str(value):
         return str(value)
     raise InputError(f"environment: {value!r} is no map; give a file, or an EnvironmentMap")
 
@@ -102,7 +123,7 @@ def _show_map(value: Any) -> str:
 SIZE = Kind("WxH", _parse_size, _size, lambda size: f"{size[0]}x{size[1]}", list)
 ROTATION = Kind("DEG|X,Y,Z|flip", _parse_rotation, _rotation, lambda angles: ",".join(f"{a!r}" for a in angles), list)
 DEFINITION = Kind("name=value", _parse_definition, _definition, "=".join, list)
-MAP = Kind("MAP", str, _map, _show_map, _map_json)
+MAP = Kind("MAP", _map, _map, _show_map, _map_json)
 
 
 @dataclass(frozen=True)
