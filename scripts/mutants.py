@@ -102,15 +102,19 @@ def main() -> int:
         os.environ["PYTHONPATH"] = folder
         sys.path.insert(0, folder)
         _import_what_is_not_ours()
-        table = [f"{'module':40} {'mutants':>8} {'killed':>8} {'survived':>8}"]
-        for module in _modules(arguments.modules or FOLDERS):
-            mutants = list(_mutants(module))
-            if arguments.sample is not None and arguments.sample < len(mutants):
-                mutants = random.Random(1).sample(mutants, arguments.sample)
-            alive = _survivors(source, module, mutants)
-            table.append(f"{module:40} {len(mutants):8} {len(mutants) - alive:8} {alive:8}")
+        table, status = [f"{'module':40} {'mutants':>8} {'killed':>8} {'survived':>8}"], 0
+        try:
+            for module in _modules(arguments.modules or FOLDERS):
+                mutants = list(_mutants(module))
+                if arguments.sample is not None and arguments.sample < len(mutants):
+                    mutants = random.Random(1).sample(mutants, arguments.sample)
+                alive = _survivors(source, module, mutants)
+                table.append(f"{module:40} {len(mutants):8} {len(mutants) - alive:8} {alive:8}")
+        except KeyboardInterrupt:
+            table.append("stopped")
+            status = 130
     print("", *table, sep="\n")
-    return 0
+    return status
 
 
 def _modules(names: list[str] | tuple[str, ...]) -> Iterator[str]:
