@@ -37,11 +37,11 @@ def test_components_wrap_and_meet_at_the_poles() -> None:
     assert (components(np.ones((4, 5), dtype=bool)) == 1).all()
 
 
-@pytest.mark.parametrize(
-    ("first", "second", "count"),
-    [((3, 0), (2, 7), 1), ((3, 0), (3, 7), 1), ((3, 0), (4, 7), 1), ((3, 0), (5, 7), 2), ((3, 0), (3, 6), 2)]
-    + [((0, 1), (0, 5), 1), ((6, 1), (6, 5), 1), ((0, 1), (6, 1), 2), ((1, 1), (1, 5), 2)],
-)
+SEAM = [((3, 0), (2, 7), 1), ((3, 0), (3, 7), 1), ((3, 0), (4, 7), 1), ((3, 0), (5, 7), 2), ((3, 0), (3, 6), 2)]
+POLES = [((0, 1), (0, 5), 1), ((6, 1), (6, 5), 1), ((0, 1), (6, 1), 2), ((1, 1), (1, 5), 2)]
+
+
+@pytest.mark.parametrize(("first", "second", "count"), [*SEAM, *POLES])
 def test_pairs_of_texels_are_one_component_or_two(first: tuple[int, int], second: tuple[int, int], count: int) -> None:
     mask = np.zeros((7, 8), dtype=bool)
     mask[first] = mask[second] = True
