@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stratalux
-from stratalux import EnvironmentMapWarning, InputError
+from stratalux import EnvironmentMap, EnvironmentMapWarning, InputError
 from stratalux.integrators.environment import MapCache
 from tests.helpers import assert_same_mean, hall_map, runs, scene_dict, sun_map
 
@@ -106,6 +106,21 @@ def test_one_texel_brighter_than_any_light_is_right(integrator: dict[str, Any]) 
         images.append(np.array(mi.render(scene, integrator=mi.load_dict(integrator), spp=16)).astype(np.float64))
     assert np.isfinite(images[0]).all() and images[0].max() > 1e20
     np.testing.assert_allclose(images[0], images[1] * factor, rtol=1e-4, atol=1e-6 * images[0].max())
+
+
+def test_the_density_of_a_spectral_map_is_its_mean_over_wavelengths() -> None:
+    mi.set_variant("llvm_ad_spectral")
+    grey = np.linspace(0, 8, 5 * 8, dtype=np.float32).reshape(5, 8)
+    scene = mi.load_dict({"type": "scene", "sky": {"type": "envmap", "bitmap": mi.Bitmap(np.dstack([grey] * 3))}})
+    built: list[EnvironmentMap] = []
+    MapCache(built.append).get(scene)
+    assert built[0].texels.shape == (5, 8, 3)
+    np.testing.assert_allclose(built[0].texels, np.dstack([grey] * 3), rtol=1e-3, atol=1e-6)
+    params = mi.traverse(scene)
+    params["sky.data"] = params["sky.data"] * float("nan")
+    params.update()
+    with pytest.raises(InputError, match="NaN or infinite texels"):
+        MapCache(built.append).get(scene)
 
 
 def test_infinite_texels_of_a_scene_outshine_the_others() -> None:
