@@ -93,7 +93,8 @@ def main() -> int:
     arguments = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # what is made here is removed
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")  # before NumPy is imported: one core is enough
-    sys.dont_write_bytecode = True  # of two files of one size and one second, the cache would take the first
+    # Of two files of one size and one second, the cache would take the first.
+    sys.dont_write_bytecode, os.environ["PYTHONDONTWRITEBYTECODE"] = True, "1"
     os.chdir(ROOT)
     with tempfile.TemporaryDirectory(prefix="stratalux-mutants-") as folder:
         source = Path(folder) / "stratalux"
