@@ -93,7 +93,8 @@ def main() -> int:
     arguments = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # what is made here is removed
     os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")  # before NumPy is imported: one core is enough
-    sys.dont_write_bytecode = True  # of two files of one size and one second, the cache would take the first
+    # Of two files of one size and one second, the cache would take the first.
+    sys.dont_write_bytecode, os.environ["PYTHONDONTWRITEBYTECODE"] = True, "1"
     os.chdir(ROOT)
     with tempfile.TemporaryDirectory(prefix="stratalux-mutants-") as folder:
         source = Path(folder) / "stratalux"
@@ -102,15 +103,19 @@ def main() -> int:
         os.environ["PYTHONPATH"] = folder
         sys.path.insert(0, folder)
         _import_what_is_not_ours()
-        table = [f"{'module':40} {'mutants':>8} {'killed':>8} {'survived':>8}"]
-        for module in _modules(arguments.modules or FOLDERS):
-            mutants = list(_mutants(module))
-            if arguments.sample is not None and arguments.sample < len(mutants):
-                mutants = random.Random(1).sample(mutants, arguments.sample)
-            alive = _survivors(source, module, mutants)
-            table.append(f"{module:40} {len(mutants):8} {len(mutants) - alive:8} {alive:8}")
+        table, status = [f"{'module':40} {'mutants':>8} {'killed':>8} {'survived':>8}"], 0
+        try:
+            for module in _modules(arguments.modules or FOLDERS):
+                mutants = list(_mutants(module))
+                if arguments.sample is not None and arguments.sample < len(mutants):
+                    mutants = random.Random(1).sample(mutants, arguments.sample)
+                alive = _survivors(source, module, mutants)
+                table.append(f"{module:40} {len(mutants):8} {len(mutants) - alive:8} {alive:8}")
+        except KeyboardInterrupt:
+            table.append("stopped")
+            status = 130
     print("", *table, sep="\n")
-    return 0
+    return status
 
 
 def _modules(names: list[str] | tuple[str, ...]) -> Iterator[str]:

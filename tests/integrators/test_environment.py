@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
 
 import stratalux
-from stratalux import EnvironmentMapWarning, InputError
+from stratalux import EnvironmentMap, EnvironmentMapWarning, InputError
 from stratalux.integrators.environment import MapCache
+from stratalux.maps.geometry import map_coordinates
 from tests.helpers import assert_same_mean, hall_map, runs, scene_dict, sun_map
 
 OURS = {"type": "direct_stratified", "strata": 16}
@@ -50,6 +52,17 @@ def test_an_edited_texel_is_followed() -> None:
     after = runs(scene, ours, 64, 24, 0)
     assert after.mean() > 2 * before.mean()
     assert_same_mean(after, runs(scene, {"type": "direct"}, 1024, 24, 10_000))
+
+
+def test_radiance_towards_a_direction_is_the_lookup_there() -> None:
+    light = MapCache(lambda environment: 1).get(mi.load_dict(scene_dict("diffuse")))
+    d = np.random.default_rng(0).normal(size=(500, 3))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    towards, si = mi.Vector3f(d.T), dr.zeros(mi.SurfaceInteraction3f)
+    uv = mi.Point2f(*map_coordinates(light.from_world(towards).numpy().T))
+    found, expected = light.radiance_towards(towards, si, True).numpy(), light.radiance(si, uv, True).numpy()
+    np.testing.assert_allclose(found, expected, rtol=1e-2, atol=1e-3)
+    assert not np.allclose(light.radiance_towards(-towards, si, True).numpy(), expected, rtol=1e-2, atol=1e-3)
 
 
 def test_tables_are_built_once_for_a_map() -> None:
@@ -108,6 +121,21 @@ def test_one_texel_brighter_than_any_light_is_right(integrator: dict[str, Any]) 
     np.testing.assert_allclose(images[0], images[1] * factor, rtol=1e-4, atol=1e-6 * images[0].max())
 
 
+def test_the_density_of_a_spectral_map_is_its_mean_over_wavelengths() -> None:
+    mi.set_variant("llvm_ad_spectral")
+    grey = np.linspace(0, 8, 5 * 8, dtype=np.float32).reshape(5, 8)
+    scene = mi.load_dict({"type": "scene", "sky": {"type": "envmap", "bitmap": mi.Bitmap(np.dstack([grey] * 3))}})
+    built: list[EnvironmentMap] = []
+    MapCache(built.append).get(scene)
+    assert built[0].texels.shape == (5, 8, 3)
+    np.testing.assert_allclose(built[0].texels, np.dstack([grey] * 3), rtol=1e-3, atol=1e-6)
+    params = mi.traverse(scene)
+    params["sky.data"] = params["sky.data"] * float("nan")
+    params.update()
+    with pytest.raises(InputError, match="NaN or infinite texels"):
+        MapCache(built.append).get(scene)
+
+
 def test_infinite_texels_of_a_scene_outshine_the_others() -> None:
     texels = hall_map()
     texels[4, 4] = np.inf
@@ -123,7 +151,7 @@ def test_a_black_map_renders_black() -> None:
     assert (image == 0).all()
 
 
-@pytest.mark.parametrize("diagonal", [(1, 2, 1), (1, float("nan"), 1)])
+@pytest.mark.parametrize("diagonal", [(1, 2, 1), (1, 1.01, 1), (1, float("nan"), 1)])
 def test_a_transform_that_is_no_rotation_is_refused(diagonal: tuple[float, float, float]) -> None:
     description = scene_dict("diffuse")
     description["sky"]["to_world"] = mi.ScalarTransform4f(np.diag([*diagonal, 1]))

@@ -85,6 +85,8 @@ def test_lloyd_inserts_where_it_is_told_to(insert: str, alone: int) -> None:
     texels[4, columns] = [[10], [1], [1]]
     label = lloyd(EnvironmentMap(texels), 2, insert=insert, iterations=0).label[4, columns]
     assert (label == label[alone]).tolist() == [k == alone for k in range(3)]
+    # No light is put on black: there is one for each lit texel, and what the first generator is left with.
+    assert len(lloyd(EnvironmentMap(texels), 9, insert=insert)) == 4
 
 
 @pytest.mark.parametrize(("growth", "counts"), [(None, [2, 4, 8, 16, 20]), (3.0, [2, 6, 18, 20])])

@@ -37,6 +37,17 @@ def test_components_wrap_and_meet_at_the_poles() -> None:
     assert (components(np.ones((4, 5), dtype=bool)) == 1).all()
 
 
+SEAM = [((3, 0), (2, 7), 1), ((3, 0), (3, 7), 1), ((3, 0), (4, 7), 1), ((3, 0), (5, 7), 2), ((3, 0), (3, 6), 2)]
+POLES = [((0, 1), (0, 5), 1), ((6, 1), (6, 5), 1), ((0, 1), (6, 1), 2), ((1, 1), (1, 5), 2)]
+
+
+@pytest.mark.parametrize(("first", "second", "count"), [*SEAM, *POLES])
+def test_pairs_of_texels_are_one_component_or_two(first: tuple[int, int], second: tuple[int, int], count: int) -> None:
+    mask = np.zeros((7, 8), dtype=bool)
+    mask[first] = mask[second] = True
+    assert components(mask).max() == count
+
+
 def test_thresholds_are_multiples_of_the_standard_deviation() -> None:
     environment = EnvironmentMap(MAPS["random"])
     weight = texel_solid_angle(24, 48) / (4 * np.pi)

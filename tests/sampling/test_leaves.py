@@ -68,6 +68,9 @@ def test_leaves_are_in_the_order_of_the_tree() -> None:
     np.testing.assert_allclose(
         (groups[..., :2] + groups[..., 2:]).max(axis=1), coarse[:, :2] + coarse[:, 2:], atol=1e-9
     )
+    for level in range(9):  # of each two halves, the one on the left or above comes first
+        halves = fine.reshape(1 << level, 2, -1, 4)[..., :2].min(axis=2)
+        assert (halves[:, 0] <= halves[:, 1] + 1e-9).all()
 
 
 @pytest.mark.parametrize("n", [3, 37])

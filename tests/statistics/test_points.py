@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import comb
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -27,6 +29,22 @@ def test_aligned_blocks_are_stratified(seed: int, block: int) -> None:
     for k in range(bits + 1):  # elementary intervals of every shape hold one point each
         cell = np.floor(points * [1 << k, 1 << (bits - k)]).astype(int)
         assert len({tuple(c) for c in cell}) == 1 << bits
+
+
+@pytest.mark.parametrize("k", range(24, 32))
+def test_high_bits_of_the_index_count(k: int) -> None:
+    """Bit r of the second coordinate, from the highest down, is Σ C(k, r) i_k modulo 2 before it is scrambled.
+
+    Pascal's triangle is its own inverse there, so each bit k can be undone in the upper 24 bits by lower ones. What is
+    equal stays so when it is scrambled.
+    """
+    flips = 1 << k
+    for r in range(24):
+        if comb(k, r) % 2:
+            flips ^= sum(comb(r, j) % 2 << j for j in range(r + 1))
+    y = sobol_2d(mi.UInt32([5, 5 ^ flips]), mi.UInt32(9)).y.numpy()
+    assert y[0] == y[1]
+    assert y[0] != sobol_2d(mi.UInt32(5 ^ flips ^ 1 << 23), mi.UInt32(9)).y.numpy()[0]
 
 
 def test_shuffling_keeps_blocks() -> None:

@@ -114,3 +114,12 @@ def test_the_share_of_a_variate_is_the_best_one() -> None:
         assert share.min() >= 0 and share.max() <= 1
         assert share[:, :57].mean() == pytest.approx(0.5, abs=0.01)
         assert share[:, 63:].mean() < 0.1
+
+
+def test_a_picture_upside_down_is_treated_alike() -> None:
+    images, variate = pilot(40, 30), pilot(40, 30, 1) - 100
+    (_, share), (_, turned) = (
+        plan(a, b, 0.1, 16, 2) for a, b in ((images, variate), (images[:, ::-1, ::-1], variate[:, ::-1, ::-1]))
+    )
+    np.testing.assert_allclose(turned[::-1, ::-1], share, rtol=1e-4, atol=1e-5)
+    assert share.std() > 0.01
