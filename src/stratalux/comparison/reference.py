@@ -139,7 +139,8 @@ def make_reference(
     key = reference_key(scene, estimator, spp, sensor)
     integrator = mi.load_dict(estimator)
     each = -(-spp // PASSES)
-    mean = squares = np.zeros(())
+    mean: NDArray[np.float64] = np.zeros(())
+    squares = mean
     start = time.perf_counter()
     for k in range(PASSES):
         image = pixels(render(scene, integrator=integrator, spp=each, seed=SEED + k * SEED_STEP, sensor=sensor))

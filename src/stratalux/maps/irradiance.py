@@ -53,7 +53,7 @@ def irradiance_coefficients(texels: NDArray[np.float32]) -> dict[int, _Float]:
     """
     height, width, channels = texels.shape
     rows = _row_weights(height)
-    by_column = np.zeros((len(_PAIRS), width * channels))
+    by_column: NDArray[np.float64] = np.zeros((len(_PAIRS), width * channels))
     whole = width * channels // _COLUMNS * _COLUMNS
     for first in range(0, height, _ROWS):
         weights = rows[:, first : first + _ROWS]

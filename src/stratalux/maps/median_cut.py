@@ -28,7 +28,7 @@ def median_cut(environment: EnvironmentMap, n: int) -> Regions:
     cells = _Cells(environment.energy_table.whole_cells())
     height, width = environment.height, environment.width
     bounds = np.array([[0], [height - 1], [0], [width]], dtype=np.int64)
-    closed = np.zeros(1, dtype=bool)  # regions known to be uncuttable
+    closed: NDArray[np.bool_] = np.zeros(1, dtype=bool)  # regions known to be uncuttable
     while bounds.shape[1] < n and not closed.all():
         chosen = np.flatnonzero(~closed)
         if bounds.shape[1] + len(chosen) > n:

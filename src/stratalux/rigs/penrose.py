@@ -154,7 +154,7 @@ def tiling_points(density: NDArray[np.float64], limit: float) -> TilingPoints:
     return TilingPoints(*(np.concatenate(fields) for fields in zip(*(vars(f).values() for f in found), strict=True)))
 
 
-def root_scale(shape: tuple[int, int]) -> float:
+def root_scale(shape: tuple[int, ...]) -> float:
     """Scale s of the root tile for a map of (H, W) texels."""
     return 2.0 * max(shape[0] - 1, shape[1])
 
@@ -207,7 +207,7 @@ def _place(
     return row * width + column, position
 
 
-def _texel(position: NDArray[np.float64], shape: tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _texel(position: NDArray[np.float64], shape: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Row and column of the texel at each position (P, 2) in the plane."""
     column, row = np.floor(position + np.array([0, 0.5])).astype(np.int64).T
     return np.clip(row, 0, shape[0] - 1), np.clip(column, 0, shape[1] - 1)
@@ -273,7 +273,7 @@ def _max_pyramid(image: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _box_maximum(
-    pyramid: list[NDArray[np.float64]], low: NDArray[np.float64], high: NDArray[np.float64], shape: tuple[int, int]
+    pyramid: list[NDArray[np.float64]], low: NDArray[np.float64], high: NDArray[np.float64], shape: tuple[int, ...]
 ) -> NDArray[np.float64]:
     """An upper bound of the image in each of the boxes from ``low`` to ``high`` (T, 2); 0 where a box is outside."""
     outside = np.any(high < 0, axis=1) | (low[:, 0] > shape[1]) | (low[:, 1] > shape[0] - 1)

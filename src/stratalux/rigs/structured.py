@@ -60,7 +60,7 @@ def structured(
     rng = np.random.default_rng(seed)
 
     layers = []
-    sites = np.empty(0, dtype=np.int64)  # texels
+    sites: NDArray[np.int64] = np.empty(0, dtype=np.int64)  # texels
     home = np.empty(0, dtype=np.int64)  # the layer that each was placed in
     for i, threshold in enumerate(thresholds(environment, levels)):
         layer = components(environment.luminance >= threshold)

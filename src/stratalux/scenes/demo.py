@@ -137,7 +137,7 @@ def _radiance(directions: Array) -> Array:
     reach = np.where(directions > 0, _HIGH[:, None, None], _LOW[:, None, None]) / directions
     wall = np.argmin(reach, axis=0)
     x, y, z = directions * np.min(reach, axis=0)
-    along = np.where(wall == 0, z, x)
+    along: Array = np.where(wall == 0, z, x)
 
     radiance = np.where((wall == 1)[..., None], _slab(x, y, z), _wall(along, y))
     for axis, side, centre, sill, width, tall, colour in _WINDOWS:

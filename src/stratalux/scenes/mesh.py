@@ -166,7 +166,7 @@ def _shape(path: Path, part: Part, linear: Floats) -> tuple[TriangleMesh | None,
     if not len(faces):
         return None, np.zeros(3), 0
     used, index = np.unique(faces, return_inverse=True)
-    triangles = index.reshape(-1, 3).astype(np.uint32)
+    triangles: npt.NDArray[np.uint32] = index.reshape(-1, 3).astype(np.uint32)
     if np.linalg.det(linear) < 0:
         triangles = triangles[:, ::-1]
     vertices = vertices[used]
