@@ -34,4 +34,4 @@ def test_damaged_scenes(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(4))
 def test_many_damaged_scenes(tmp_path: Path, part: int) -> None:
-    assert failures("scene_worker", tmp_path, 1000 * part, 1000 * (part + 1), seconds=60.0) == []
+    assert failures("scene_worker", tmp_path, 1000 * part, 1000 * (part + 1)) == []

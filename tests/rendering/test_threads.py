@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.helpers import PATIENCE
+
 PROGRAM = """
 import sys, threading
 import mitsuba as mi
@@ -43,5 +45,5 @@ def test_threads_render_what_one_does(count: int) -> None:
     root = Path(__file__).parents[2]
     env = {**os.environ, "PYTHONPATH": str(root)}
     command = [sys.executable, "-c", PROGRAM, str(count)]
-    done = subprocess.run(command, env=env, cwd=root, capture_output=True, text=True, timeout=900, check=False)
+    done = subprocess.run(command, env=env, cwd=root, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.returncode == 0 and done.stdout.strip() == "the same", done.stderr[-2000:]

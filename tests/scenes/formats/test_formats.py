@@ -15,6 +15,7 @@ import trimesh
 
 from stratalux.errors import InputError, SceneWarning
 from stratalux.scenes.mesh import load_mesh
+from tests.helpers import PATIENCE
 from tests.scenes.formats.gltf_files import Gltf
 
 L_PRISM = """v 2 0 0\nv 2 0 -1\nv 1 0 -1\nv 1 0 -2\nv 0 0 -2\nv 0 0 0
@@ -108,4 +109,4 @@ def test_reading_a_file_imports_neither_trimesh_nor_scipy(tmp_path: Path) -> Non
         "load_mesh('mesh.obj')\n"
         "sys.exit(bool(from_start or {'trimesh', 'scipy'} & set(sys.modules)))"
     )
-    assert subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=False, timeout=120).returncode == 0
+    assert subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=False, timeout=PATIENCE).returncode == 0
