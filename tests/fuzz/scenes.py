@@ -1,7 +1,5 @@
 """Mitsuba scenes of every kind, and what damage may make of them: always the same of the same number."""
 
-# ruff: noqa: E501 (elements read better on one line)
-
 from __future__ import annotations
 
 import random
