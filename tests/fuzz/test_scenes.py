@@ -11,9 +11,6 @@ from stratalux import load_scene
 from tests.fuzz.processes import failures
 from tests.fuzz.scenes import damaged_scene, make_files, sound_scene
 
-SECONDS = 60.0
-"""For each scene, whose kernels may have to be compiled on a busy machine. It only ends what hangs."""
-
 
 @pytest.mark.filterwarnings("ignore::stratalux.errors.SceneWarning")
 def test_sound_scenes_are_sound(tmp_path: Path) -> None:
@@ -32,14 +29,10 @@ def test_sound_scenes_are_sound(tmp_path: Path) -> None:
 
 
 def test_damaged_scenes(tmp_path: Path) -> None:
-    assert failures("scene_worker", tmp_path, 0, 120, SECONDS) == []
+    assert failures("scene_worker", tmp_path, 0, 120) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(4))
 def test_many_damaged_scenes(tmp_path: Path, part: int) -> None:
-<<<<<<< HEAD
     assert failures("scene_worker", tmp_path, 1000 * part, 1000 * (part + 1)) == []
-=======
-    assert failures("scene_worker", tmp_path, 1000 * part, 1000 * (part + 1), SECONDS) == []
->>>>>>> xmlfuzz
