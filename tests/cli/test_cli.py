@@ -316,7 +316,7 @@ def spoil() -> None:
         ("render sensor.xml", "no sensor"),
         ("render shape.xml", "not a scene"),
         ("render lost.xml", "no.exr"),
-        ("render shear.xml", "scales or shears"),
+        ("render shear.xml", "shears or scales unevenly"),
         ("render dark.xml --env-rotate 90", "no environment map"),
         ("render demo --strata 0", "strata"),
         ("render demo --proposals 0", "proposals"),

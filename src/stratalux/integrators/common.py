@@ -149,7 +149,11 @@ class MisWithBsdf:
         if not self.count:
             return bsdf.eval(self.ctx, si, wo, active)
         value, pdf = bsdf.eval_pdf(self.ctx, si, wo, active)
-        return value * dr.detach(dr.select(density > 0, density / (density + self.count * pdf), 0))
+        return value * dr.detach(dr.select(density > 0, density / self.total(density, pdf), 0))
+
+    def total(self, density: mi.Float, pdf: mi.Float) -> mi.Float:
+        """Expected number of samples per steradian, of the map and of the BSDF."""
+        return dr.detach(density + self.count * pdf)
 
     @dr.syntax
     def bsdf_samples(
@@ -172,7 +176,7 @@ class MisWithBsdf:
             d = si.to_world(bs.wo)
             found &= ~scene.ray_test(si.spawn_ray(d), found)
             L = light.radiance_towards(d, si, found)
-            total = dr.detach(density(light.from_world(d), L, found) + mi.Float(K) * bs.pdf)
+            total = self.total(density(light.from_world(d), L, found), bs.pdf)
             L_o += dr.select(found, L * weight * (bs.pdf / total), 0)
             k += 1
         return L_o

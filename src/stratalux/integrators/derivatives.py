@@ -7,24 +7,37 @@ what moves, as the places where light begins to be blocked move along (Vicini, S
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
 
 from ..errors import InputError
 
 
+def parameters(part: mi.Object) -> Iterator[tuple[str, Any]]:
+    """Names and values of what Mitsuba lets be changed of a scene or a part of one; not those that are not set."""
+    params = mi.traverse(part)
+    for name in params.keys():  # noqa: SIM118
+        try:
+            yield name, params[name]
+        except TypeError:  # what Mitsuba 3.9 makes of None, as ``hair`` has it
+            continue
+
+
 def wanted(scene: mi.Scene) -> bool:
     """Whether Dr.Jit records derivatives now, and something in ``scene`` has them."""
     probe = mi.Float(0)
     dr.enable_grad(probe)
-    return dr.grad_enabled(probe) and any(dr.grad_enabled(value) for _, value in mi.traverse(scene))
+    return dr.grad_enabled(probe) and any(dr.grad_enabled(value) for _, value in parameters(scene))
 
 
 def refuse_motion(scene: mi.Scene, sensor: mi.Sensor | int) -> None:
     """Raise :class:`InputError` if shapes or the camera move with what is differentiated."""
     sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
     moving = ["shapes"] if scene.shapes_grad_enabled() else []
-    moving += ["the camera"] if any(dr.grad_enabled(value) for _, value in mi.traverse(sensor)) else []
+    moving += ["the camera"] if any(dr.grad_enabled(value) for _, value in parameters(sensor)) else []
     if moving:
         raise InputError(
             f"no derivatives for the motion of {' and '.join(moving)}: edges of shadows would be left out; "

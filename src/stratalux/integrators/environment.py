@@ -84,18 +84,15 @@ class MapCache(Generic[T]):
     def get(self, scene: mi.Scene) -> MapLight[T] | None:
         """The map of ``scene`` with its tables, or None if it has none.
 
-        Raises :class:`InputError` if ``to_world`` is not orthonormal: Mitsuba's lookup makes no sense of it.
+        A scale in ``to_world`` means nothing and is taken out of the scene, with an :class:`EnvironmentMapWarning`.
+        Raises :class:`InputError` if ``to_world`` shears or scales unevenly.
         """
         emitter = image_emitter(scene)
         if emitter is None:
             return None
+        _take_scale_out(emitter)
         params = mi.traverse(emitter)
         to_world, scale = dr.detach(params["to_world"]), dr.detach(params["scale"])
-        linear = to_world.matrix.numpy().reshape(4, 4)[:3, :3]
-        if not np.allclose(linear @ linear.T, np.eye(3), atol=1e-3):
-            raise InputError(
-                f"environment map '{emitter.id()}': to_world scales or shears; use rotations, and 'scale' for light"
-            )
         if self._tables is None or self._key != _key(emitter, params["data"]):
             self._tables = self._build(EnvironmentMap(_rgb_texels(emitter)))
             data = mi.traverse(emitter)["data"]
@@ -103,6 +100,25 @@ class MapCache(Generic[T]):
             self._held = emitter, mi.Float(data.array)
             self._key = _key(emitter, data)
         return MapLight(emitter, self._tables, to_world, scale, derivatives.wanted(scene))
+
+
+def _take_scale_out(emitter: mi.Emitter) -> None:
+    """Leave rotations and mirrors in ``to_world``: of anything else, Mitsuba's lookup makes another picture."""
+    params = mi.traverse(emitter)
+    matrix = dr.detach(params["to_world"]).matrix.numpy().reshape(4, 4).astype(np.float64)
+    squares = matrix[:3, :3] @ matrix[:3, :3].T
+    scale = np.sqrt(np.trace(squares) / 3)
+    if not (scale > 0 and np.allclose(squares / scale**2, np.eye(3), atol=1e-3)):
+        raise InputError(f"environment map '{emitter.id()}': to_world shears or scales unevenly; use rotations alone")
+    if abs(scale - 1) > 1e-3:
+        warnings.warn(
+            f"environment map '{emitter.id()}': to_world scales by {scale:.6g}, which means nothing and is left out",
+            EnvironmentMapWarning,
+            stacklevel=2,
+        )
+        matrix[:3, :3] /= scale
+        params["to_world"] = type(params["to_world"])(matrix)
+        params.update()
 
 
 def _key(emitter: mi.Emitter, data: mi.TensorXf) -> tuple[Any, ...]:

@@ -26,6 +26,8 @@ LAUNCH = 1 << 21
 """Camera samples of one launch, about: a second on two cores."""
 FIRST = 8
 """Where there are several launches, the first is smaller by this factor: there is something to see soon."""
+CAMERAS = ("PerspectiveCamera", "ThinLensCamera", "OrthographicCamera", "BatchSensor")
+"""What has pixels that are neighbours of each other."""
 PARTS = 4
 """Of a pilot, whose differences tell its error."""
 
@@ -35,8 +37,8 @@ class Automatic(AutomaticSample):
 
     Every pixel gets a pilot of a few samples; the rest of the budget goes where :func:`.adaptive.plan_samples`
     puts it. Where the pilots around a pixel say that it pays, light on what is matte gets a control variate. ``spp`` is
-    the mean over the image. Spectral variants and films that are not made of colours get Mitsuba's own order of
-    samples, and no variate.
+    the mean over the image. Spectral variants, films that are not made of colours and sensors that are no cameras get
+    Mitsuba's own order of samples, and no variate.
     """
 
     def __init__(self, props: mi.Properties) -> None:
@@ -87,6 +89,8 @@ class Automatic(AutomaticSample):
     def adapts_to(self, scene: mi.Scene, sensor: mi.Sensor) -> bool:
         """Whether :meth:`passes` can render this."""
         film = sensor.film()
+        if sensor.class_name() not in CAMERAS:
+            return False
         special = mi.has_flag(film.flags(), mi.FilmFlags.Special) or mi.has_flag(film.flags(), mi.FilmFlags.Spectral)
         return not (mi.is_spectral or special or film.sample_border()) and self.prepare(scene) is not None
 
@@ -108,7 +112,7 @@ class Automatic(AutomaticSample):
         sensor.film().prepare([])
         launcher = self._launcher_of(scene, sensor)
         launcher.begin(light)
-        view = _View(launcher, launcher.look() if self._allocation.any_bsdf_samples else None)
+        view = _View(launcher, launcher.look() if light.allocation.any_bsdf_samples else None)
         seed = mi.UInt32(seed)
         dr.make_opaque(seed)  # or every value would be compiled into a kernel of its own
 

@@ -12,11 +12,11 @@ import mitsuba as mi
 from ...sampling.points import mix, sobol_2d
 from ...sampling.recording import recorded
 from ..common import OtherEmitters
-from ..environment import MapLight
+from ..derivatives import parameters
 from ..light_samples import SharedLight
 from .look import Look, look, shape_numbers
 from .nested_strata import PixelPoints
-from .sample import AutomaticSample, NestedTables
+from .sample import AllocatedLight, AutomaticSample
 from .visibility import Visibility
 
 _RECORDINGS = 8
@@ -54,7 +54,7 @@ class Launcher:
 
     def __init__(self, integrator: AutomaticSample, scene: mi.Scene, sensor: mi.Sensor) -> None:
         self.integrator, self.scene, self.sensor = integrator, scene, sensor
-        self._light: MapLight[NestedTables] | None = None
+        self._light: AllocatedLight | None = None
         self._others: OtherEmitters | None = None
         self._numbers: mi.UInt32 | None = None
         self._fixed: tuple[Hashable, ...] = ()
@@ -63,7 +63,7 @@ class Launcher:
             for function in (self._samples, self._light_samples, look)
         }
 
-    def begin(self, light: MapLight[NestedTables]) -> None:
+    def begin(self, light: AllocatedLight) -> None:
         """Look at the scene as it is now; the launches that follow render that."""
         self._light, self._others = light, OtherEmitters(self.scene, True)
         self._fixed = *_constants(self.scene), *_constants(self.sensor)
@@ -130,15 +130,13 @@ class Launcher:
         """What a launch depends on besides its arguments."""
         light, others = self._light, self._others
         assert light is not None and others is not None
-        arrays = light.arrays(), light.tables.arrays(), self.integrator.arrays(), others.arrays()
+        arrays = light.arrays(), light.tables.arrays(), others.arrays()
         return arrays, light.tables.depth, self.integrator.hide_emitters, self._fixed
 
 
 def _constants(part: mi.Object) -> Iterator[Hashable]:
     """What may be compiled into a kernel: numbers that are no arrays, and the shapes of those that are."""
-    params = mi.traverse(part)
-    for name in params.keys():  # noqa: SIM118
-        value = params[name]
+    for _, value in parameters(part):
         if dr.is_tensor_v(value):
             yield tuple(value.shape)
         elif isinstance(value, bool | int | float | str):

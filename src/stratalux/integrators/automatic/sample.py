@@ -29,6 +29,17 @@ class NestedTables(LeafSampler):
         return *super().arrays(), *(self.variate.arrays() if self.variate else ())
 
 
+class AllocatedLight(MapLight[NestedTables]):
+    """The map, and what surfaces get of samples of it in one scene."""
+
+    def __init__(self, light: MapLight[NestedTables], allocation: Allocation) -> None:
+        super().__init__(light.emitter, light.tables, light.to_world, light.scale, light.differentiated)
+        self.allocation = allocation
+
+    def arrays(self) -> tuple[Any, ...]:
+        return *super().arrays(), *self.allocation.arrays()
+
+
 class AutomaticSample(DirectIntegrator):
     """The estimate for a camera sample, in whatever order Mitsuba or another integrator asks for them."""
 
@@ -42,19 +53,21 @@ class AutomaticSample(DirectIntegrator):
         self._tables: NestedTables | None = None
 
     @one_at_a_time
-    def prepare(self, scene: mi.Scene) -> MapLight[NestedTables] | None:
+    def prepare(self, scene: mi.Scene) -> AllocatedLight | None:
         """Build (or fetch) the tables for ``scene``; rendering calls this by itself."""
         light = self._cache.get(scene)
-        if light is not None and (self._scene is not scene or self._tables is not light.tables):
+        if light is None:
+            return None
+        if self._scene is not scene or self._tables is not light.tables:
             with dr.suspend_grad():
                 self._allocation = Allocation(scene, light)
             self._scene, self._tables = scene, light.tables
-        return light
+        return AllocatedLight(light, self._allocation)
 
     def environment_light(
         self,
         scene: mi.Scene,
-        light: MapLight[NestedTables],
+        light: AllocatedLight,
         sampler: mi.Sampler | PixelPoints,
         si: mi.SurfaceInteraction3f,
         bsdf: mi.BSDFPtr,
@@ -62,14 +75,10 @@ class AutomaticSample(DirectIntegrator):
     ) -> mi.Spectrum:
         points = sampler if isinstance(sampler, PixelPoints) else PixelPoints.of(sampler)
         samples = points.samples or FreshLight(light, points.seed)
-        variate = light.tables.variate if points is sampler and self._allocation.any_matte else None
-        strata = NestedStrata(self._allocation, points, samples, variate)
+        variate = light.tables.variate if points is sampler and light.allocation.any_matte else None
+        strata = NestedStrata(light.allocation, points, samples, variate)
         estimate = strata.differentiable if light.differentiated else strata.estimate
         return estimate(scene, light, si, bsdf, active)
-
-    def arrays(self) -> tuple[mi.UInt32, ...]:
-        """All arrays that a kernel of the last scene prepared reads, besides those of the scene and of its light."""
-        return self._allocation.arrays()
 
     def to_string(self) -> str:
         return "DirectStratified[automatic]"
