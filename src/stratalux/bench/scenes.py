@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from ..assets import Assets
 from ..comparison.compare import surface_mask
-from ..errors import InputError
+from ..errors import InputError, SceneWarning
 from ..images.metrics import Mask
 from ..integrators.environment import image_emitter
 from ..maps.envmap import EnvironmentMap
@@ -91,7 +92,9 @@ def _preview(case: Case, suite: Suite, assets: Assets) -> tuple[dict[str, Any], 
     The shapes are taken out of the loaded scene, as another map and other samplers need another one.
     """
     path = assets.require(case.scene)
-    loaded = load_scene(path, size=suite.preview_size)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)  # direct light is what is measured
+        loaded = load_scene(path, size=suite.preview_size)
     previewed = [shape for shape in loaded.shapes() if shape.id().endswith(_PREVIEWED)]
     emitter = image_emitter(loaded)
     if len(previewed) != 1 or emitter is None:
