@@ -81,7 +81,9 @@ def main() -> None:
     warnings.showwarning = _show_warning
     _open_streams()
     try:
-        sys.exit(cli.main(standalone_mode=False, prog_name="stratalux"))
+        code = cli.main(standalone_mode=False, prog_name="stratalux")
+        _drain()
+        sys.exit(code)
     except click.ClickException as error:
         _fail(" ".join(error.format_message().split()))
     except InputError as error:
@@ -117,6 +119,15 @@ def _open_streams() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
+
+
+def _drain() -> None:
+    """Write what is held back, or say why not; Python would try again at its end, and fail again."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise
 
 
 def _debug() -> None:
