@@ -96,6 +96,8 @@ def main() -> None:
         sys.exit(141)
     except OSError as error:  # of a file of the user's: a full disk, no permission
         _debug()
+        with suppress(OSError):
+            _drain()
         what = error.filename if error.filename is not None else "standard output, or another file"
         _fail(f"{os.fsdecode(what) if isinstance(what, bytes) else what}: {error.strerror or error}")
     except Exception as error:
