@@ -164,3 +164,17 @@ def test_a_mirrored_map_is_right() -> None:
     description["sky"]["to_world"] = mi.ScalarTransform4f().rotate([1, 0, 0], 30).scale([1, -1, 1])
     scene = mi.load_dict(description)
     assert_same_mean(runs(scene, OURS, 64, 24, 0), runs(scene, {"type": "direct"}, 512, 24, 10_000))
+
+
+@pytest.mark.parametrize("ours", [OURS, {"type": "direct_stratified"}], ids=["pinned", "automatic"])
+@pytest.mark.parametrize("scale", [2.5, 0.01, -3])
+def test_a_scale_of_the_transform_means_nothing(scale: float, ours: dict[str, Any]) -> None:
+    description = scene_dict("diffuse")
+    turned = mi.ScalarTransform4f().rotate([1, 0, 0], 30)
+    description["sky"]["to_world"] = turned.scale(float(np.sign(scale)))
+    plain = np.array(mi.render(mi.load_dict(description), integrator=mi.load_dict(ours), spp=4))
+    description["sky"]["to_world"] = turned.scale(scale)
+    scene = mi.load_dict(description)
+    with pytest.warns(EnvironmentMapWarning, match=f"to_world scales by {abs(scale)}, which means nothing"):
+        image = np.array(mi.render(scene, integrator=mi.load_dict(ours), spp=4))
+    np.testing.assert_allclose(image, plain, rtol=1e-3, atol=1e-4)

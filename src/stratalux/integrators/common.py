@@ -73,8 +73,10 @@ class DirectIntegrator(mi.SamplingIntegrator):
     ) -> mi.TensorXf:
         """As Mitsuba's; raises :class:`InputError` where something moves."""
         derivatives.refuse_motion(scene, sensor)
-        image = self.render(scene, sensor, seed, spp, develop=True, evaluate=False)
-        dr.forward_to(image)
+        # Forward through a symbolic loop, Dr.Jit 1.5 fails where other scenes with more kinds of BSDF are alive.
+        with dr.scoped_set_flag(dr.JitFlag.SymbolicLoops, False):
+            image = self.render(scene, sensor, seed, spp, develop=True, evaluate=False)
+            dr.forward_to(image)
         return dr.grad(image)
 
     @one_at_a_time
@@ -103,15 +105,16 @@ class DirectIntegrator(mi.SamplingIntegrator):
     ) -> tuple[mi.Spectrum, mi.Bool]:
         """Radiance along ``ray``, and its alpha; ``prepared`` is what :meth:`prepare` returns."""
         active = mi.Bool(active)
-        si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
         L = mi.Spectrum(0)
+        with dr.suspend_grad():  # no shape moves here; those of other scenes that live may
+            si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
+            if self.hide_emitters:
+                hidden = active & si.is_valid() & (si.shape.emitter() != None)  # noqa: E711
+                behind = self.skip_area_emitters(scene, si.spawn_ray(ray.d), True, hidden)
+                si = dr.select(hidden, behind.compute_surface_interaction(ray, mi.RayFlags.All, hidden), si)
 
         # ----------------------- Visible emitters -----------------------
-        if self.hide_emitters:
-            hidden = active & si.is_valid() & (si.shape.emitter() != None)  # noqa: E711
-            behind = self.skip_area_emitters(scene, si.spawn_ray(ray.d), True, hidden)
-            si = dr.select(hidden, behind.compute_surface_interaction(ray, mi.RayFlags.All, hidden), si)
-        else:
+        if not self.hide_emitters:
             L += si.emitter(scene, active).eval(si, active)
         valid = active & si.is_valid()
 
@@ -240,7 +243,8 @@ class OtherEmitters:
             active = active & dr.any(weight != 0)
         if not self.found_by_bsdf:
             active &= delta
-        hit = scene.ray_intersect(si.spawn_ray(si.to_world(bs.wo)), active)
+        with dr.suspend_grad():
+            hit = scene.ray_intersect(si.spawn_ray(si.to_world(bs.wo)), active)
         emitter = hit.emitter(scene, active)
         active &= emitter != None  # noqa: E711
         environment = active & (emitter == mi.EmitterPtr(self.environment)) if self.environment else mi.Bool(False)
