@@ -12,7 +12,8 @@ import trimesh
 
 from stratalux.errors import InputError
 from stratalux.scenes.materials import MATERIALS, material
-from stratalux.scenes.mesh import TriangleMesh, load_mesh, smooth_shaded
+from stratalux.scenes.mesh import TriangleMesh, smooth_shaded
+from stratalux.scenes.shapes import load_mesh
 from stratalux.scenes.stage import MARGIN, stage, standing, to_mitsuba
 from tests.helpers import asset
 

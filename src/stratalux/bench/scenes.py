@@ -19,7 +19,7 @@ from ..maps.envmap import EnvironmentMap
 from ..rendering.passes import render
 from ..scenes.load import envmap, load_scene
 from ..scenes.materials import material
-from ..scenes.mesh import load_mesh
+from ..scenes.shapes import load_mesh
 from ..scenes.stage import SAMPLERS, stage
 from .cases import FLIPPED, Case, Suite
 

@@ -18,9 +18,9 @@ from ..maps.envmap import EnvironmentMap
 from ..settings import documented
 from .demo import demo_scene
 from .materials import material as material_by_name
-from .mesh import FORMATS, load_mesh
 from .mitsuba_xml import load_xml
 from .settings import CameraSettings, SceneSettings
+from .shapes import FORMATS, load_mesh
 from .stage import stage
 
 USUAL_SIZE = (600, 400)
