@@ -11,10 +11,11 @@ import pytest
 import trimesh
 
 from stratalux.errors import InputError
+from stratalux.scenes.assembly import to_mitsuba
 from stratalux.scenes.materials import MATERIALS, material
 from stratalux.scenes.mesh import TriangleMesh, smooth_shaded
 from stratalux.scenes.shapes import load_mesh
-from stratalux.scenes.stage import MARGIN, stage, standing, to_mitsuba
+from stratalux.scenes.stage import MARGIN, stage, standing
 from tests.helpers import asset
 
 SKY = {"type": "constant"}

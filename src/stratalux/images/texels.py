@@ -15,7 +15,7 @@ from ..errors import InputError
 from .reader import Reader
 from .reading import check_size, default_memory, one_line_errors, oriented
 
-_CODES = {"uint8": np.uint8, "uint16": np.uint16}
+_CODES: dict[str, tuple[Any, int]] = {"uint8": (np.uint8, 255), "uint16": (np.uint16, 65535)}
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,7 @@ def _read(path: Path, name: str, most: int, reader: Reader) -> Texels:
     kind = part["types"][channels[0]]
     code = _CODES.get(kind)
     if code is not None:
-        largest = np.iinfo(code).max
-        pixels = np.rint(np.clip(pixels, 0, 1) * np.float32(largest)).astype(code)
+        pixels = np.rint(np.clip(pixels, 0, 1) * np.float32(code[1])).astype(code[0])
     elif not np.isfinite(pixels).all():
         raise InputError(f"{name}: a texel is not a finite number; repair the image")
     space = str(part["attributes"].get("oiio:ColorSpace", "")).lower()

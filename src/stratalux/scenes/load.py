@@ -16,12 +16,13 @@ from ..images.repair import LIMIT
 from ..integrators.environment import image_emitter
 from ..maps.envmap import EnvironmentMap
 from ..settings import documented
+from .assembly import assembled
 from .demo import demo_scene
-from .materials import material as material_by_name
+from .lamps import dome_emitter
 from .mitsuba_xml import load_xml
 from .settings import CameraSettings, SceneSettings
-from .shapes import FORMATS, load_mesh
-from .stage import stage
+from .shapes import FORMATS, load_object
+from .stage import framing, matte_ground
 
 USUAL_SIZE = (600, 400)
 _LARGE = 1e6
@@ -75,14 +76,34 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
         bitmap = emitter and emitter["bitmap"]
         scene, hide_emitters = load_xml(path, bitmap, camera.size, shown.definitions)
     elif suffix in FORMATS:
-        if emitter is None:
-            raise InputError(f"{path}: a mesh brings no light; give an environment map with --env MAP")
-        scene = mi.load_dict(stage(load_mesh(path, shown.up), material_by_name(shown.material), emitter, size))
+        scene = _of_object(path, shown, emitter, size, max_memory)
     else:
         known = ", ".join((".xml", *sorted(FORMATS)))
         raise InputError(f"{path}: unknown kind of scene; give {known}, or demo")
     _orient(scene, shown.rotate, shown.scale)
     return Loaded(scene, hide_emitters)
+
+
+def _of_object(
+    path: Path, shown: SceneSettings, emitter: dict[str, Any] | None, size: tuple[int, int], max_memory: int | None
+) -> mi.Scene:
+    """The scene of a file that is none itself: an object on a ground, in front of a camera, and its own lights."""
+    found = load_object(path, shown.up)
+    if emitter is None and (dome := next((light for light in found.lights if light.kind == "dome"), None)):
+        emitter = dome_emitter(path, dome, max_memory)
+    parts = assembled(path, found, shown.material, max_memory)
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "sensor": framing(found.points(), size),
+            **parts,
+            "ground": matte_ground(found.bounds),
+            **({} if emitter is None else {"emitter": emitter}),
+        }
+    )
+    if not scene.emitters():
+        raise InputError(f"{path}: an object without lights; give an environment map with --env MAP")
+    return scene
 
 
 def envmap(environment: EnvironmentMap) -> dict[str, Any]:

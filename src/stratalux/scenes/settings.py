@@ -144,12 +144,13 @@ class SceneSettings(Settings):
         kind=ROTATION,
     )
     scale: float = option(1.0, "Brightness of the map, a factor.", "--env-scale", minimum=0.0, maximum=MOST_SCALE)
-    material: str = option(
-        "diffuse",
-        f"Material of a mesh: {', '.join(MATERIALS)}.",
+    material: str | None = option(
+        None,
+        f"Material in place of those of the file: {', '.join(MATERIALS)}.",
         "--material",
         choices=tuple(MATERIALS),
         metavar="NAME",
+        default_text="what the file says, or clay",
     )
     up: str | None = option(
         None, "Axis of a mesh file that is up.", "--up", choices=UP_AXES, default_text="y, but z for .stl"

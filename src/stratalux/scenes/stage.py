@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import InputError
+from .assembly import to_mitsuba
 from .mesh import TriangleMesh
 
 SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
@@ -24,31 +25,6 @@ MARGIN = 0.08
 GROUND_REFLECTANCE = 0.4
 GROUND_RADIUS = 100.0
 """In units of half the object's diagonal: the edge is so close to the horizon that it looks like one."""
-
-
-def to_mitsuba(mesh: TriangleMesh, bsdf: dict[str, Any], name: str) -> mi.Mesh:
-    """The mesh as a Mitsuba shape called `name` with the BSDF of dictionary `bsdf`.
-
-    Needs a variant to be set; the first one of a process has to be made on the main thread.
-    """
-    props = mi.Properties()
-    props.set_id(name)
-    props["bsdf"] = mi.load_dict(bsdf)
-    shape = mi.Mesh(
-        name,
-        vertex_count=len(mesh.vertices),
-        face_count=len(mesh.faces),
-        has_vertex_normals=mesh.normals is not None,
-        has_vertex_texcoords=False,
-        props=props,
-    )
-    params = mi.traverse(shape)
-    params["vertex_positions"] = mesh.vertices.ravel()
-    params["faces"] = mesh.faces.ravel()
-    if mesh.normals is not None:
-        params["vertex_normals"] = mesh.normals.ravel()
-    params.update()
-    return shape
 
 
 def stage(
@@ -78,33 +54,46 @@ def stage(
     placed = standing(mesh)
     scene: dict[str, Any] = {
         "type": "scene",
-        "sensor": {
-            "type": "perspective",
-            "fov": FIELD_OF_VIEW_DEGREES,
-            "fov_axis": "smaller",
-            "to_world": mi.ScalarTransform4f(camera_frame(placed.vertices, width / height).tolist()),
-            "film": {
-                "type": "hdrfilm",
-                "width": width,
-                "height": height,
-                "pixel_format": "rgb",
-                "component_format": "float32",
-                "rfilter": {"type": "gaussian"},
-            },
-            "sampler": {"type": sampler, "sample_count": spp},
-        },
+        "sensor": framing(placed.vertices, size, spp, sampler),
         "object": to_mitsuba(placed, material, "object"),
         "emitter": emitter,
     }
     if ground:
-        # A hair below y = 0, so that an object with a flat bottom does not fight with it for visibility.
-        flat = mi.ScalarTransform4f().translate([0, -1e-4, 0]).rotate([1, 0, 0], -90).scale(GROUND_RADIUS)
-        scene["ground"] = {
-            "type": "disk",
-            "to_world": flat,
-            "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": GROUND_REFLECTANCE}},
-        }
+        scene["ground"] = matte_ground(placed.bounds)
     return scene
+
+
+def framing(
+    points: npt.ArrayLike, size: tuple[int, int], spp: int = 64, sampler: str = "independent"
+) -> dict[str, Any]:
+    """The sensor, as a dictionary, that sees all (N, 3) `points` from slightly above; see :func:`stage`."""
+    width, height = size
+    return {
+        "type": "perspective",
+        "fov": FIELD_OF_VIEW_DEGREES,
+        "fov_axis": "smaller",
+        "to_world": mi.ScalarTransform4f(camera_frame(points, width / height).tolist()),
+        "film": {
+            "type": "hdrfilm",
+            "width": width,
+            "height": height,
+            "pixel_format": "rgb",
+            "component_format": "float32",
+            "rfilter": {"type": "gaussian"},
+        },
+        "sampler": {"type": sampler, "sample_count": spp},
+    }
+
+
+def matte_ground(bounds: npt.ArrayLike) -> dict[str, Any]:
+    """A grey disk, as a dictionary, below what has these `bounds` (2, 3)."""
+    low, high = np.asarray(bounds, dtype=np.float64)
+    half = float(np.linalg.norm(high - low) / 2)
+    # A hair below, so that an object with a flat bottom does not fight with it for visibility.
+    middle = [(low[0] + high[0]) / 2, low[1] - 1e-4 * half, (low[2] + high[2]) / 2]
+    flat = mi.ScalarTransform4f().translate(middle).rotate([1, 0, 0], -90).scale(GROUND_RADIUS * half)
+    reflectance = {"type": "rgb", "value": GROUND_REFLECTANCE}
+    return {"type": "disk", "to_world": flat, "bsdf": {"type": "diffuse", "reflectance": reflectance}}
 
 
 def standing(mesh: TriangleMesh) -> TriangleMesh:
