@@ -72,11 +72,8 @@ def load_object(path: str | Path, up: str | None = None) -> Object:
     another format, or without a surface.
     """
     path = Path(path)
-    if up is not None and up not in _TO_Y_UP:
-        raise InputError(f"{path}: up axis '{up}' is unknown; use one of {' '.join(_TO_Y_UP)}")
     try:
-        model = read_model(path)
-        return _object(path, model, np.array(_TO_Y_UP[model.up if up is None else up], dtype=np.float64))
+        return object_of(path, read_model(path), up)
     except MemoryError:
         raise InputError(f"{path}: its triangles do not fit into memory; make it smaller") from None
 
@@ -103,8 +100,11 @@ def joined(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
     )
 
 
-def _object(path: Path, model: Model, turn: Floats) -> Object:
-    """The object of a model, turned by a (3, 3) rotation. `path` is what errors speak of."""
+def object_of(path: Path, model: Model, up: str | None = None) -> Object:
+    """The object of a model; see :func:`load_object`. `path` is what errors speak of."""
+    if up is not None and up not in _TO_Y_UP:
+        raise InputError(f"{path}: up axis '{up}' is unknown; use one of {' '.join(_TO_Y_UP)}")
+    turn: Floats = np.array(_TO_Y_UP[model.up if up is None else up], dtype=np.float64)
     known: dict[tuple[int, bytes], tuple[TriangleMesh | None, Floats]] = {}
     places: dict[tuple[int, bytes], list[Floats]] = {}
     replaced = 0
