@@ -85,7 +85,8 @@ def render(
             f"up to {rays / 1e6:.1f} M rays, {rays / seconds / 1e6:.1f} M rays/s, "
             f"{result.camera_rays / seconds / 1e6:.2f} M samples/s"
         )
-        click.echo("wrote " + ", ".join(map(str, paths)))
+        size = f" (the object is {result.measure})" if result.measure else ""
+        click.echo("wrote " + ", ".join(map(str, paths)) + size)
     if stopped:
         sys.exit(130)
 

@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..images.files import write_image
 from ..integrators.techniques import Value, parse_technique
 from ..scenes.camera import own_camera
-from ..scenes.load import load
+from ..scenes.load import Loaded, load
 from ..settings import documented
 from .settings import GROUPS, LARGEST_SEED, METADATA, MachineSettings, PictureSettings, SamplingSettings
 from .variants import choose_variant, why_not
@@ -37,7 +37,8 @@ class RenderResult:
     ``bitmap``: the developed film. ``spp`` of ``spp_total`` samples per pixel are done. ``seconds``: rendering alone;
     ``preparation_seconds``: cutting the map and building tables; ``compile_seconds``: tracing and compiling kernels.
     ``camera_rays``, and ``shadow_rays`` towards the environment at most (none is traced where no light can arrive).
-    ``picture``: all that the image depends on; with an integrator of a program's own there is None.
+    ``picture``: all that the image depends on; with an integrator of a program's own there is None. ``measure``: how
+    large the object is, in words; of what is no object, nothing.
     """
 
     bitmap: mi.Bitmap
@@ -50,6 +51,7 @@ class RenderResult:
     shadow_rays: int
     settings: dict[str, Value]
     picture: PictureSettings | None = None
+    measure: str = ""
 
     @property
     def image(self) -> NDArray[np.float32]:
@@ -102,15 +104,13 @@ def render_passes(
     k uses ``seed`` + k. Everything else is as in :func:`render`.
     """
     picture = scene if isinstance(scene, PictureSettings) else _settings(scene, settings)
-    shown = picture.scene
-    chosen = None
-    if shown is not None:
-        picture = replace(picture, machine=activate(picture.machine))
-        loaded = load(shown, picture.camera, picture.machine.max_memory)
-        scene, chosen = loaded.scene, loaded.camera
-        if loaded.hide_emitters:
-            picture = replace(picture, sampling=replace(picture.sampling, hide_emitters=True))
-    return _render_passes(scene, chosen, picture, integrator)
+    if picture.scene is None:
+        return _render_passes(Loaded(scene, camera=own_camera(picture.camera, scene)), picture, integrator)
+    picture = replace(picture, machine=activate(picture.machine))
+    loaded = load(picture.scene, picture.camera, picture.machine.max_memory)
+    if loaded.hide_emitters:
+        picture = replace(picture, sampling=replace(picture.sampling, hide_emitters=True))
+    return _render_passes(loaded, picture, integrator)
 
 
 def _settings(scene: Any, settings: dict[str, Any]) -> PictureSettings:
@@ -127,13 +127,14 @@ def activate(machine: MachineSettings) -> MachineSettings:
 
 
 def _render_passes(
-    scene: mi.Scene, chosen: int | None, picture: PictureSettings, integrator: mi.Integrator | None
+    loaded: Loaded, picture: PictureSettings, integrator: mi.Integrator | None
 ) -> Iterator[RenderResult]:
+    scene = loaded.scene
     if mi.variant() is None or mi.variant().startswith("scalar"):
         raise InputError(
             f"variant {mi.variant()}: rendering needs a vectorised one; mitsuba.set_variant('llvm_ad_rgb')"
         )
-    camera = scene.sensors()[own_camera(picture.camera, scene) if chosen is None else chosen]
+    camera = scene.sensors()[loaded.camera]
     sampling = picture.sampling
     about: dict[str, Value] = {}
     rays_per_sample = 2
@@ -178,6 +179,7 @@ def _render_passes(
             shadow_rays=round(pixels * done) * rays_per_sample,
             settings={**about, "integrator": " ".join(str(integrator).split()), "seed": sampling.seed},
             picture=None if own else picture,
+            measure=loaded.measure,
         )
 
 

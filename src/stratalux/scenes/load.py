@@ -59,12 +59,13 @@ def load_scene(
 class Loaded:
     """A scene, and what its file says besides: ``hide_emitters``, of the integrator that is replaced.
 
-    ``camera``: index of the sensor that is asked for.
+    ``camera``: index of the sensor that is asked for. ``measure``: how large the object is, in words.
     """
 
     scene: mi.Scene
     hide_emitters: bool = False
     camera: int = 0
+    measure: str = ""
 
 
 def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = None) -> Loaded:
@@ -75,7 +76,7 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
     emitter = None if environment is None else envmap(environment)
     path, size = Path(shown.source), camera.size or USUAL_SIZE
     suffix = path.suffix.lower()
-    hide_emitters, chosen = False, 0
+    hide_emitters, chosen, measure = False, 0, ""
     if shown.source == "demo":
         scene = mi.load_dict(_seen(camera, demo_scene(size, emitter=emitter), size))
     elif suffix == ".xml":
@@ -84,12 +85,12 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
         chosen = own_camera(camera, scene)
     elif suffix in FORMATS:
         found = load_object(path, shown.up)
-        scene = _of_object(path, found, shown, camera, emitter, max_memory)
+        scene, measure = _of_object(path, found, shown, camera, emitter, max_memory), found.measure()
     else:
         known = ", ".join((".xml", *sorted(FORMATS)))
         raise InputError(f"{path}: unknown kind of scene; give {known}, or demo")
     _orient(scene, shown.rotate, shown.scale, ENV_FRAMES[shown.env_frame])
-    return Loaded(scene, hide_emitters, chosen)
+    return Loaded(scene, hide_emitters, chosen, measure)
 
 
 def _seen(camera: CameraSettings, staged: dict[str, Any], size: tuple[int, int]) -> dict[str, Any]:

@@ -61,6 +61,11 @@ class Object:
         """All vertices where they stand, (N, 3)."""
         return np.concatenate([_at(shape.mesh.vertices, place) for shape in self.shapes for place in shape.places])
 
+    def measure(self) -> str:
+        """How large it is, in words: width, height and depth, in metres if the file says how long a unit is."""
+        sides = (self.bounds[1] - self.bounds[0]) * (1 if self.metres is None else self.metres)
+        return f"{' x '.join(f'{side:.3g}' for side in sides)} {'units' if self.metres is None else 'm'}"
+
 
 def load_object(path: str | Path, up: str | None = None) -> Object:
     """Read what there is in a file (.glb, .gltf, .obj, .ply, .stl, .off, ...), turned so that y is up.
