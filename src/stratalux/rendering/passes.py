@@ -104,10 +104,11 @@ def render_passes(
     k uses ``seed`` + k. Everything else is as in :func:`render`.
     """
     picture = scene if isinstance(scene, PictureSettings) else _settings(scene, settings)
-    if picture.scene is None:
+    shown = picture.scene
+    if shown is None:
         return _render_passes(Loaded(scene, camera=own_camera(picture.camera, scene)), picture, integrator)
     picture = replace(picture, machine=activate(picture.machine))
-    loaded = load(picture.scene, picture.camera, picture.machine.max_memory)
+    loaded = load(shown, picture.camera, picture.machine.max_memory)
     if loaded.hide_emitters:
         picture = replace(picture, sampling=replace(picture.sampling, hide_emitters=True))
     return _render_passes(loaded, picture, integrator)
