@@ -10,7 +10,7 @@ import pytest
 
 from stratalux.errors import InputError, SceneWarning
 from stratalux.scenes.formats import read_model
-from stratalux.scenes.model import Material, Texture, Value
+from stratalux.scenes.model import Material, SpecularGlossiness, Texture, Value
 from tests.scenes.formats.gltf_files import Gltf
 
 TRIANGLE = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
@@ -262,10 +262,66 @@ def test_variants_are_left_out_and_named(file: Path) -> None:
     assert len(caught) == 1
 
 
-def test_numbers_out_of_their_range_are_clamped_and_told(file: Path) -> None:
+def test_numbers_out_of_their_range_are_told(file: Path) -> None:
     with pytest.warns(SceneWarning, match="metallicFactor above 1, roughnessFactor below 0 are not shown"):
-        found = of(file, pbrMetallicRoughness={"metallicFactor": 3, "roughnessFactor": -1})
-    assert (found.metallic.factor, found.roughness.factor) == ((1,), (0,))
+        of(file, pbrMetallicRoughness={"metallicFactor": 3, "roughnessFactor": -1})
+
+
+@pytest.mark.parametrize(
+    ("extension", "name", "field", "high"),
+    [
+        ("", "metallicFactor", "metallic", 1),
+        ("", "roughnessFactor", "roughness", 1),
+        ("anisotropy", "anisotropyStrength", "anisotropy", 1),
+        ("clearcoat", "clearcoatFactor", "clearcoat", 1),
+        ("clearcoat", "clearcoatRoughnessFactor", "clearcoat_roughness", 1),
+        ("sheen", "sheenRoughnessFactor", "sheen_roughness", 1),
+        ("sheen", "sheenColorFactor", "sheen_colour", 1),
+        ("specular", "specularFactor", "specular", 1),
+        ("specular", "specularColorFactor", "specular_colour", math.inf),
+        ("transmission", "transmissionFactor", "transmission", 1),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::stratalux.errors.SceneWarning")
+def test_factors_are_clamped_to_their_range(
+    file: Path, extension: str | None, name: str, field: str, high: float
+) -> None:
+    count = len(getattr(Material(), field).factor)
+    for given, expected in ((-0.5, 0), (0.3, 0.3), (1.5, min(1.5, high))):
+        said = {name: given if count == 1 else [given] * count}
+        whole = {f"KHR_materials_{extension}": said}
+        found = of(file, **({"extensions": whole} if extension else {"pbrMetallicRoughness": said}))
+        assert getattr(found, field).factor == (expected,) * count
+
+
+@pytest.mark.filterwarnings("ignore::stratalux.errors.SceneWarning")
+def test_other_numbers_are_clamped_to_their_range(file: Path) -> None:
+    found = of(
+        file, alphaCutoff=-1, emissiveFactor=[-1, 0.5, 2], pbrMetallicRoughness={"baseColorFactor": [-1, 2, 0, 2]}
+    )
+    assert (found.alpha_cutoff, found.emission.factor) == (0, (0, 0.5, 1))
+    assert (found.base_colour.factor, found.alpha.factor) == ((0, 1, 0), (1,))
+    assert extended(file, "KHR_materials_ior", ior=0.5).ior == 1
+    found = extended(
+        file, "KHR_materials_volume", thicknessFactor=-1, attenuationDistance=0, attenuationColor=[2, -1, 0]
+    )
+    assert (found.thin, found.attenuation, found.attenuation_distance) == (True, (1, 0, 0), math.inf)
+    said = {"diffuseFactor": [2, -1, 0, 2], "specularFactor": [2, -1, 0], "glossinessFactor": 2}
+    found = extended(file, "KHR_materials_pbrSpecularGlossiness", **said)
+    expected = SpecularGlossiness(Value((1, 0, 0)), Value((1, 0, 0)), Value((1,)))
+    assert (found.specular_glossiness, found.alpha) == (expected, Value((1,)))
+
+
+@pytest.mark.parametrize(
+    "name", ["anisotropy", "clearcoat", "emissive_strength", "ior", "sheen", "specular", "transmission", "volume"]
+)
+def test_an_extension_that_says_nothing_changes_nothing(file: Path, name: str) -> None:
+    assert extended(file, f"KHR_materials_{name}") == Material(double_sided=False)
+
+
+def test_the_default_of_specular_and_glossiness(file: Path) -> None:
+    found = extended(file, "KHR_materials_pbrSpecularGlossiness")
+    assert found == Material(double_sided=False, specular_glossiness=SpecularGlossiness())
 
 
 @pytest.mark.parametrize(

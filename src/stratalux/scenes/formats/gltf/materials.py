@@ -47,7 +47,7 @@ class Materials:
         extensions = material.get("extensions", {})
         strength = self._numbers(extensions.get("KHR_materials_emissive_strength", {}))
         light = strength.one("emissiveStrength", 1.0, 0.0)
-        glow = own.colour("emissiveFactor", 0.0)
+        glow = own.colour("emissiveFactor", 0.0, math.inf)  # above 1 against the rules, in files that know no strength
         found = Material(
             name=str(material.get("name", "")),
             base_colour=colour,
