@@ -297,9 +297,9 @@ def test_factors_are_clamped_to_their_range(
 @pytest.mark.filterwarnings("ignore::stratalux.errors.SceneWarning")
 def test_other_numbers_are_clamped_to_their_range(file: Path) -> None:
     found = of(
-        file, alphaCutoff=-1, emissiveFactor=[-1, 0.5, 2], pbrMetallicRoughness={"baseColorFactor": [-1, 2, 0, 2]}
+        file, alphaCutoff=-1, emissiveFactor=[-1, 0.5, 20], pbrMetallicRoughness={"baseColorFactor": [-1, 2, 0, 2]}
     )
-    assert (found.alpha_cutoff, found.emission.factor) == (0, (0, 0.5, 1))
+    assert (found.alpha_cutoff, found.emission.factor) == (0, (0, 0.5, 20))
     assert (found.base_colour.factor, found.alpha.factor) == ((0, 1, 0), (1,))
     assert extended(file, "KHR_materials_ior", ior=0.5).ior == 1
     found = extended(
