@@ -64,6 +64,22 @@ class Gltf:
         """A node with a mesh of these primitives."""
         return self.add("nodes", mesh=self.add("meshes", primitives=list(primitives), **(mesh or {})), **node)
 
+    def texture(self, data: bytes = b"an image", sampler: dict[str, Any] | None = None, **more: Any) -> int:
+        """A texture whose image is in a view; `more` of the texture itself."""
+        if "source" not in more and "extensions" not in more:
+            more["source"] = self.image(data)
+        if sampler is not None:
+            more["sampler"] = self.add("samplers", **sampler)
+        return self.add("textures", **more)
+
+    def image(self, data: bytes, **more: Any) -> int:
+        return self.add("images", bufferView=self.view(data), mimeType="image/png", **more)
+
+    def show_material(self, **properties: Any) -> int:
+        """A triangle of a material."""
+        material = self.add("materials", **properties)
+        return self.show(self.primitive([[0, 0, 0], [1, 0, 0], [0, 1, 0]], material=material))
+
     def write(self, path: Path, **how: str) -> Path:
         """As .glb or .gltf by the suffix; `how="name.bin"` or `how="data"` tell where a .gltf has its buffer."""
         document = dict(self.json)
@@ -87,3 +103,23 @@ class Gltf:
         chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
         path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
         return path
+
+
+def ktx2(texels: ArrayLike) -> bytes:
+    """A KTX 2 file of blocks of 4x4 texels (rows, columns, 4), each of one colour, in UASTC.
+
+    Sources: Khronos Group, "KTX File Format Specification", version 2, and "Data Format Specification", section 25:
+    mode 8 of a block is 0x17 in five bits, and then eight bits for each of red, green, blue and alpha.
+    """
+    blocks = np.asarray(texels)
+    rows, columns, _ = blocks.shape
+    words = [0x17 | r << 5 | g << 13 | b << 21 | a << 29 for r, g, b, a in blocks.reshape(-1, 4).tolist()]
+    body = b"".join(word.to_bytes(16, "little") for word in words)
+    description = struct.pack("<IHH4B4B8B", 0, 2, 40, 166, 1, 2, 0, 3, 3, 0, 0, 16, *[0] * 7)
+    description += struct.pack("<HBB4BII", 0, 127, 3, 0, 0, 0, 0, 0, 0xFFFFFFFF)
+    description = struct.pack("<I", 4 + len(description)) + description
+    at = 80 + 24
+    start = at + len(description) + -(at + len(description)) % 16
+    head = b"\xabKTX 20\xbb\r\n\x1a\n" + struct.pack("<9I", 0, 1, 4 * columns, 4 * rows, 0, 0, 1, 1, 0)
+    head += struct.pack("<4I2Q", at, len(description), 0, 0, 0, 0) + struct.pack("<3Q", start, len(body), len(body))
+    return (head + description).ljust(start, b"\0") + body

@@ -328,6 +328,20 @@ def test_damaged_draco_data(file: Path) -> None:
         read_model(gltf.write(file))
 
 
+def test_draco_data_that_promise_too_much(file: Path) -> None:
+    """The numbers of faces and of points, 4 and 4 in bytes 11 and 12, become 2³¹."""
+    gltf = Gltf()
+    primitive = draco(gltf)
+    view = gltf.json["bufferViews"][-1]
+    data = gltf.binary[view["byteOffset"] :][: view["byteLength"]]
+    assert data[11:13] == b"\4\4"
+    many = b"\x80\x80\x80\x80\x08"
+    primitive["extensions"]["KHR_draco_mesh_compression"]["bufferView"] = gltf.view(data[:11] + 2 * many + data[13:])
+    gltf.show(primitive)
+    with pytest.raises(InputError, match="Draco data cannot be decoded"):
+        read_model(gltf.write(file))
+
+
 @pytest.mark.parametrize("name", ["ACME_shapes", "KHR_materials_glitter", "KHR_texture_procedurals"])
 def test_extensions_that_are_required_and_not_supported(file: Path, name: str) -> None:
     gltf = Gltf()

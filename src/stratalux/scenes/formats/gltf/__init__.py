@@ -14,9 +14,10 @@ import numpy as np
 from ....errors import SceneWarning
 from ...model import Camera, Instance, Light, Model, Part
 from .container import Document, item
+from .extensions import shortened
 from .lights import camera, light
 from .materials import Materials
-from .nodes import Nodes, shortened
+from .nodes import Nodes
 from .primitives import is_surface, part
 
 _VARIANTS = "KHR_materials_variants"

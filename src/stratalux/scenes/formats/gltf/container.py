@@ -78,6 +78,7 @@ class Document:
         if index not in self._buffers:
             buffer = item(self.list("buffers"), index)
             uri = buffer.get("uri")
+            data: bytes | memoryview
             if uri is not None:
                 data = data_of(uri) if is_data(uri) else file_of(self.path, uri).read_bytes()
             elif self._binary is not None and index == 0:
@@ -99,7 +100,7 @@ def item(objects: list[Any], index: int) -> Any:
     return objects[index]
 
 
-def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
+def _chunks(path: Path, data: bytes) -> tuple[bytes, memoryview | None]:
     """The JSON and the binary chunk of a GLB file."""
     if len(data) < 20:
         raise InputError(f"{path}: cut short at {len(data)} bytes; copy it again")
@@ -108,14 +109,14 @@ def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
         raise InputError(f"{path}: binary glTF of version {version} is not supported; export it as glTF 2.0")
     if len(data) < length:
         raise InputError(f"{path}: cut short at {len(data)} of its {length} bytes; copy it again")
-    found: dict[bytes, bytes] = {}
+    found: dict[bytes, memoryview] = {}
     at = 12
     while at + 8 <= length:
         size, kind = struct.unpack_from("<I4s", data, at)
         if at + 8 + size > len(data):
             raise InputError(f"{path}: cut short within one of its chunks; copy it again")
-        found.setdefault(kind, data[at + 8 : at + 8 + size])
+        found.setdefault(kind, memoryview(data)[at + 8 : at + 8 + size])
         at += 8 + size
     if b"JSON" not in found:
         raise InputError(f"{path}: it has no JSON; export it again")
-    return found[b"JSON"].rstrip(b"\0"), found.get(b"BIN\0")
+    return bytes(found[b"JSON"]).rstrip(b"\0"), found.get(b"BIN\0")

@@ -38,6 +38,7 @@ _SILENT = frozenset(
         "EXT_mesh_features",
         "EXT_mesh_manifold",
         "EXT_structural_metadata",
+        "EXT_texture_avif",
         "KHR_materials_variants",
         "KHR_node_hoverability",
         "KHR_node_selectability",
@@ -47,12 +48,11 @@ _SILENT = frozenset(
         "MSFT_screencoverage",
     )
 )
-"""Extensions that change no picture, as they speak to other programs, or of coarser shapes for slower ones; variants
-are told elsewhere."""
+"""Extensions that change no picture, as they speak to other programs, of coarser shapes for slower ones, or of another
+file of the same image; variants are told elsewhere."""
 
 _PARTLY = frozenset(
     (
-        "EXT_texture_avif",
         "KHR_animation_pointer",
         "KHR_materials_diffuse_transmission",
         "KHR_materials_dispersion",
@@ -90,4 +90,9 @@ class LeftOut:
         """One warning for all of it."""
         if self._names:
             verb = "is" if len(self._names) == 1 else "are"
-            warnings.warn(f"{path}: {', '.join(self._names)} {verb} not shown", SceneWarning, stacklevel=3)
+            warnings.warn(f"{path}: {shortened(list(self._names))} {verb} not shown", SceneWarning, stacklevel=3)
+
+
+def shortened(names: list[str]) -> str:
+    """The first names of a list, for a message."""
+    return f"{', '.join(name[:60] for name in names[:8])}{', ...' if len(names) > 8 else ''}"

@@ -12,7 +12,7 @@ import math
 from dataclasses import replace
 from typing import Any, Literal
 
-from ...model import Material, SpecularGlossiness, Value
+from ...model import Material, SpecularGlossiness, Texture, Value
 from .container import Document, item
 from .numbers import Numbers
 from .textures import Textures
@@ -47,7 +47,7 @@ class Materials:
         extensions = material.get("extensions", {})
         strength = self._numbers(extensions.get("KHR_materials_emissive_strength", {}))
         light = strength.one("emissiveStrength", 1.0, 0.0)
-        glow = own.colour("emissiveFactor", 0.0)
+        glow = own.colour("emissiveFactor", 0.0, math.inf)  # above 1 against the rules, in files that know no strength
         found = Material(
             name=str(material.get("name", "")),
             base_colour=colour,
@@ -110,7 +110,7 @@ class Materials:
         numbers, name = self._numbers(said), "specularGlossinessTexture"
         diffuse, alpha = self._coloured(said, "diffuseFactor", "diffuseTexture")
         texture = self._textures.texture(said.get(name), "srgb")
-        gloss = Value((numbers.one("glossinessFactor", 1.0, 0, 1),), texture, "a")
+        gloss = _of_channel(numbers.one("glossinessFactor", 1.0, 0, 1), texture, "a")
         specular = Value(numbers.colour("specularFactor", 1.0), texture, "rgb")
         return {"alpha": alpha, "specular_glossiness": SpecularGlossiness(diffuse, specular, gloss)}
 
@@ -133,8 +133,8 @@ class Materials:
         return Numbers(values, self._document.left_out)
 
     def _value(self, said: dict[str, Any], texture: str, factor: float, channel: Literal["r", "g", "b", "a"]) -> Value:
-        """A number, of one channel of a texture."""
-        return Value((factor,), self._textures.texture(said.get(texture), "linear"), channel)
+        """A number, times one channel of a texture."""
+        return _of_channel(factor, self._textures.texture(said.get(texture), "linear"), channel)
 
     def _colour(self, said: dict[str, Any], texture: str, factor: tuple[float, float, float]) -> Value:
         return Value(factor, self._textures.texture(said.get(texture), "srgb"), "rgb")
@@ -143,7 +143,7 @@ class Materials:
         """A colour, and the alpha that comes with it."""
         texture = self._textures.texture(said.get(name), "srgb")
         red, green, blue, alpha = self._numbers(said).some(factor, (1.0, 1.0, 1.0, 1.0), 0, 1)
-        return Value((red, green, blue), texture, "rgb"), Value((alpha,), texture, "a")
+        return Value((red, green, blue), texture, "rgb"), _of_channel(alpha, texture, "a")
 
     def _normal(self, said: dict[str, Any], name: str) -> Value | None:
         texture = self._textures.texture(said.get(name), "linear")
@@ -151,6 +151,10 @@ class Materials:
             return None
         scale = self._numbers(said[name]).one("scale", 1.0)
         return Value((scale, scale, 1.0), texture, "rgb")
+
+
+def _of_channel(factor: float, texture: Texture | None, channel: Literal["r", "g", "b", "a"]) -> Value:
+    return Value((factor,)) if texture is None else Value((factor,), texture, channel)
 
 
 _EXTENSIONS = {

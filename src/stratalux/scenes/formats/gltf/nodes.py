@@ -15,6 +15,7 @@ from ....errors import InputError, SceneWarning
 from ...model import Floats
 from .accessors import array
 from .container import Document, item
+from .extensions import shortened
 
 
 class Nodes:
@@ -97,11 +98,6 @@ class Nodes:
             )
         roots: list[int] = scene.get("nodes", [])
         return roots
-
-
-def shortened(names: list[str]) -> str:
-    """The first names of a list, for a message."""
-    return f"{', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"
 
 
 def _local(node: dict[str, Any]) -> Floats:
