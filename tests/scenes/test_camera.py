@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stratalux.errors import InputError, SceneWarning
-from stratalux.scenes.camera import LEAST_DISTANCE, MARGIN, camera_frame, own_camera, sensor
+from stratalux.scenes.camera import LEAST_DISTANCE, MARGIN, camera_frame, moved, own_camera, sensor
 from stratalux.scenes.model import Camera
 from stratalux.scenes.settings import CameraSettings
 
@@ -183,6 +183,22 @@ def test_a_uniform_scale_is_told_only_where_it_means_something() -> None:
 def test_a_camera_that_sees_nothing_is_refused(camera: Camera, message: str) -> None:
     with pytest.raises(InputError, match=r"camera 0 \('side'\): .*" + message):
         sensor(CameraSettings(), CUBE, [camera])
+
+
+@pytest.mark.parametrize("camera", [WIDE, replace(WIDE, height=6.0), replace(WIDE, aperture=0.2, focus=3.0)])
+def test_a_scene_that_is_moved_and_scaled_with_its_camera_looks_the_same(camera: Camera) -> None:
+    matrix = np.array([[0, 0, 5, 1], [0, 5, 0, 2], [-5, 0, 0, 3], [0, 0, 0, 1.0]])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        before = sensor(CameraSettings(), CUBE, [camera], (80, 60))
+        after = sensor(CameraSettings(), CUBE @ matrix[:3, :3].T + matrix[:3, 3], [moved(camera, matrix)], (80, 60))
+    for place, lens in (((10, 10), (0.5, 0.5)), ((70, 25), (0.1, 0.7))):
+        origin, direction = through(before, *place, lens)
+        other, towards = through(after, *place, lens)
+        np.testing.assert_allclose(towards, matrix[:3, :3] / 5 @ direction, atol=1e-5)
+        np.testing.assert_allclose(np.cross(matrix[:3, :3] @ origin + matrix[:3, 3] - other, towards), 0, atol=1e-4)
+    for name in ("aperture_radius", "focus_distance"):
+        assert after.get(name) == (None if name not in before else pytest.approx(5 * before[name]))
 
 
 # ------------------------------- Lenses -------------------------------
