@@ -138,15 +138,13 @@ def test_a_camera_that_is_not_there_is_told_with_those_that_are(wanted: str, nam
 
 
 @pytest.mark.parametrize(
-    "change",
-    [
-        np.diag([-1, 1, 1, 1.0]),
-        np.diag([1, 2, 1, 1.0]),
-        np.array([[1, 0.4, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
-    ],
-    ids=["mirrored", "scaled", "sheared"],
+    ("row", "column", "value"),
+    [(0, 0, -1.0), (1, 1, 2.0), (0, 1, 0.4), (2, 1, 0.4)],
+    ids=["mirrored", "scaled", "sheared to the side", "sheared backwards"],
 )
-def test_a_camera_that_is_not_rigid_is_told_and_looks_the_same_way(change: np.ndarray) -> None:
+def test_a_camera_that_is_not_rigid_is_told_and_looks_the_same_way(row: int, column: int, value: float) -> None:
+    change = np.eye(4)
+    change[row, column] = value
     with pytest.warns(SceneWarning, match=r"camera 0 \('side'\): its matrix scales, shears or mirrors"):
         one = sensor(CameraSettings(), CUBE, [replace(CAMERA, matrix=SIDEWAYS @ change)], (200, 100))
     matrix = np.array(one["to_world"].matrix)[:3, :3]
@@ -224,7 +222,7 @@ def test_the_nearest_point_in_the_picture_is_sharp_by_default() -> None:
     def at(right: float, up: float, depth: float) -> np.ndarray:
         return np.array([1 - depth, 2 + up, 3 - right])
 
-    points = [at(0, 0, 9), at(-3, 0, 7.5), at(0.2, 0.1, 6), at(3.9, 0, 2), at(0, 2.1, 2), at(0, 0, -1)]
+    points = [at(0, 0, 9), at(-3, 0, 7.5), at(0.2, 0.1, 6), at(3.9, 0, 2), at(0, 1.6, 1.5), at(0, 0, -1)]
     lens = CameraSettings(aperture=0.1)
     # Half the width is the depth, at an aspect of 1; twice that, at 2.
     assert sensor(lens, points, [CAMERA], (100, 100))["focus_distance"] == pytest.approx(6)
@@ -234,6 +232,11 @@ def test_the_nearest_point_in_the_picture_is_sharp_by_default() -> None:
     matrix = np.array(framed["to_world"].matrix)
     depths = (CUBE - matrix[:3, 3]) @ matrix[:3, 2]
     assert framed["focus_distance"] == pytest.approx(depths.min(), rel=1e-5)
+    # A width of 2 at a distance of 1, in a field of view of 90 degrees along the shorter side.
+    from_front = CameraSettings(orbit=(0, 0, 3), look_at=(0, 0, 0), fov=90, aperture=0.1)
+    some = [[0, 0, 0], [1.5, 0, 2], [0, 0, 1]]
+    for size, distance in (((200, 100), 1), ((100, 200), 2), ((100, 100), 2)):
+        assert sensor(from_front, some, (), size)["focus_distance"] == pytest.approx(distance)
     with pytest.raises(InputError, match="focus: nothing of the object is before the camera"):
         sensor(lens, points[-1:], [CAMERA])
 

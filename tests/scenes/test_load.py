@@ -144,6 +144,17 @@ def test_the_frame_comes_before_other_turns(tetrahedron: Path) -> None:
     assert u == pytest.approx(0.5, abs=1e-3) and v == pytest.approx(0.5, abs=1e-3) and below < 1e-3
 
 
+def test_the_frame_comes_before_the_turn_that_a_scene_has(tmp_path: Path) -> None:
+    path = tmp_path / "a.xml"
+    turn = '<transform name="to_world"><rotate x="1" angle="90"/></transform>'
+    mi.Bitmap(labelled_map().texels).write(str(tmp_path / "map.exr"))
+    light = f'<emitter type="envmap"><string name="filename" value="map.exr"/>{turn}</emitter>'
+    path.write_text(f'<scene version="3.0.0"><sensor type="perspective"/>{light}</scene>')
+    # The middle at +x stays there, and what was up comes to +z.
+    (u, _), (_, v) = place_in_map(load_scene(path, env_frame="three"), np.array([[1.0, 0, 0], [0, 0, 1]]))
+    assert u == pytest.approx(0.5, abs=1e-3) and v < 1e-3
+
+
 def test_there_has_to_be_a_map_that_stands_in_a_frame(tmp_path: Path) -> None:
     path = tmp_path / "a.xml"
     path.write_text('<scene version="3.0.0"><sensor type="perspective"/><emitter type="constant"/></scene>')
