@@ -189,6 +189,7 @@ def test_numbers_of_numpy_and_paths_are_taken(tmp_path: Any) -> None:
         ({"orbit": (1,)}, "is not an orbit; write AZIMUTH,ELEVATION"),
         ({"orbit": 3}, "3 is not an orbit"),
         ({"orbit": (0, 91)}, "orbit: an elevation of 91 degrees is beyond the zenith; give -90 to 90"),
+        ({"orbit": (0, -91)}, "orbit: an elevation of -91 degrees"),
         ({"orbit": (0, 0, 0)}, "orbit: a distance of 0 is too small"),
         ({"orbit": (0, float("nan"))}, "is not an orbit"),
         ({"look_at": (1e30, 0, 0)}, "is not a point; write X,Y,Z"),

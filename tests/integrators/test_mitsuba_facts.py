@@ -70,6 +70,56 @@ def test_the_bilinear_warp_agrees_with_its_pdf() -> None:
     np.testing.assert_allclose(pdf.numpy(), again.numpy(), rtol=1e-5)
 
 
+def test_where_a_map_is() -> None:
+    """Its middle is at +z, what is right of it at -x, and its first row at +y."""
+    height, width = 64, 128
+    u, v = np.meshgrid((np.arange(width) + 0.5) / width, np.arange(height) / (height - 1))
+    texels = np.stack([np.abs(u - 0.5), np.abs(u - 0.75), v], axis=-1).astype(np.float32)
+    light = mi.load_dict({"type": "envmap", "bitmap": mi.Bitmap(texels)})
+    si = dr.zeros(mi.SurfaceInteraction3f, 3)
+    si.wi = -mi.Vector3f([0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+    values = light.eval(si).numpy()
+    np.testing.assert_allclose([values[0, 0], values[1, 1], values[2, 2]], 0, atol=0.005)
+    np.testing.assert_allclose(values[2, :2], 0.5, atol=0.005)
+
+
+@pytest.mark.parametrize(
+    ("light", "seen"),
+    [
+        ({"type": "point", "position": [0, 0, 2], "intensity": 8.0}, 2.0),
+        (
+            {"type": "spot", "to_world": [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2], [0, 0, 0, 1]], "intensity": 8.0},
+            2.0,
+        ),
+        ({"type": "directional", "direction": [0, 0, -1], "irradiance": 3.0}, 3.0),
+    ],
+)
+def test_units_of_lights_that_are_points(light: dict, seen: float) -> None:
+    """Irradiance of what faces them 2 away: W/sr over the squared distance, and W/m² as they are."""
+    if "to_world" in light:
+        light = {**light, "to_world": mi.ScalarTransform4f(light["to_world"])}
+    it = dr.zeros(mi.Interaction3f)
+    ds, weight = mi.load_dict(light).sample_direction(it, mi.Point2f(0.5))
+    np.testing.assert_allclose(weight.numpy().ravel(), seen, rtol=1e-5)
+    np.testing.assert_allclose(ds.d.numpy().ravel(), [0, 0, 1], atol=1e-6)
+
+
+def test_units_of_lights_with_an_area() -> None:
+    """Radiance is what a camera sees, at any distance."""
+    for light in ({"type": "constant", "radiance": 5.0}, {"type": "sphere", "e": {"type": "area", "radiance": 5.0}}):
+        scene = mi.load_dict({"type": "scene", "light": light})
+        si = scene.ray_intersect(mi.Ray3f(mi.Point3f(0, 0, 9), mi.Vector3f(0, 0, -1)))
+        np.testing.assert_allclose(si.emitter(scene).eval(si).numpy().ravel(), 5, rtol=1e-5)
+
+
+def test_the_first_texel_of_a_texture_is_at_uv_0_0() -> None:
+    texels = np.eye(4, dtype=np.float32)[[1, 2, 3, 0]].reshape(2, 2, 4)[..., 1:]
+    texture = mi.load_dict({"type": "bitmap", "bitmap": mi.Bitmap(texels), "raw": True, "filter_type": "nearest"})
+    si = dr.zeros(mi.SurfaceInteraction3f, 4)
+    si.uv = mi.Point2f([0.1, 0.9, 0.1, 0.9], [0.1, 0.1, 0.9, 0.9])
+    np.testing.assert_allclose(texture.eval(si).numpy().T, texels.reshape(4, 3), atol=1e-6)
+
+
 @pytest.mark.parametrize("variant", ["llvm_ad_rgb", "llvm_ad_mono", "llvm_ad_spectral"])
 def test_a_changed_map_is_a_new_array(variant: str) -> None:
     mi.set_variant(variant)

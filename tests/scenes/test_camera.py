@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stratalux.errors import InputError, SceneWarning
-from stratalux.scenes.camera import LEAST_DISTANCE, MARGIN, camera_frame, own_camera, sensor
+from stratalux.scenes.camera import LEAST_DISTANCE, MARGIN, camera_frame, moved, own_camera, sensor
 from stratalux.scenes.model import Camera
 from stratalux.scenes.settings import CameraSettings
 
@@ -138,15 +138,13 @@ def test_a_camera_that_is_not_there_is_told_with_those_that_are(wanted: str, nam
 
 
 @pytest.mark.parametrize(
-    "change",
-    [
-        np.diag([-1, 1, 1, 1.0]),
-        np.diag([1, 2, 1, 1.0]),
-        np.array([[1, 0.4, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
-    ],
-    ids=["mirrored", "scaled", "sheared"],
+    ("row", "column", "value"),
+    [(0, 0, -1.0), (1, 1, 2.0), (0, 1, 0.4), (2, 1, 0.4)],
+    ids=["mirrored", "scaled", "sheared to the side", "sheared backwards"],
 )
-def test_a_camera_that_is_not_rigid_is_told_and_looks_the_same_way(change: np.ndarray) -> None:
+def test_a_camera_that_is_not_rigid_is_told_and_looks_the_same_way(row: int, column: int, value: float) -> None:
+    change = np.eye(4)
+    change[row, column] = value
     with pytest.warns(SceneWarning, match=r"camera 0 \('side'\): its matrix scales, shears or mirrors"):
         one = sensor(CameraSettings(), CUBE, [replace(CAMERA, matrix=SIDEWAYS @ change)], (200, 100))
     matrix = np.array(one["to_world"].matrix)[:3, :3]
@@ -185,6 +183,22 @@ def test_a_camera_that_sees_nothing_is_refused(camera: Camera, message: str) -> 
         sensor(CameraSettings(), CUBE, [camera])
 
 
+@pytest.mark.parametrize("camera", [WIDE, replace(WIDE, height=6.0), replace(WIDE, aperture=0.2, focus=3.0)])
+def test_a_scene_that_is_moved_and_scaled_with_its_camera_looks_the_same(camera: Camera) -> None:
+    matrix = np.array([[0, 0, 5, 1], [0, 5, 0, 2], [-5, 0, 0, 3], [0, 0, 0, 1.0]])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        before = sensor(CameraSettings(), CUBE, [camera], (80, 60))
+        after = sensor(CameraSettings(), CUBE @ matrix[:3, :3].T + matrix[:3, 3], [moved(camera, matrix)], (80, 60))
+    for place, lens in (((10, 10), (0.5, 0.5)), ((70, 25), (0.1, 0.7))):
+        origin, direction = through(before, *place, lens)
+        other, towards = through(after, *place, lens)
+        np.testing.assert_allclose(towards, matrix[:3, :3] / 5 @ direction, atol=1e-5)
+        np.testing.assert_allclose(np.cross(matrix[:3, :3] @ origin + matrix[:3, 3] - other, towards), 0, atol=1e-4)
+    for name in ("aperture_radius", "focus_distance"):
+        assert after.get(name) == (None if name not in before else pytest.approx(5 * before[name]))
+
+
 # ------------------------------- Lenses -------------------------------
 
 
@@ -208,7 +222,7 @@ def test_the_nearest_point_in_the_picture_is_sharp_by_default() -> None:
     def at(right: float, up: float, depth: float) -> np.ndarray:
         return np.array([1 - depth, 2 + up, 3 - right])
 
-    points = [at(0, 0, 9), at(-3, 0, 7.5), at(0.2, 0.1, 6), at(3.9, 0, 2), at(0, 2.1, 2), at(0, 0, -1)]
+    points = [at(0, 0, 9), at(-3, 0, 7.5), at(0.2, 0.1, 6), at(3.9, 0, 2), at(0, 1.6, 1.5), at(0, 0, -1)]
     lens = CameraSettings(aperture=0.1)
     # Half the width is the depth, at an aspect of 1; twice that, at 2.
     assert sensor(lens, points, [CAMERA], (100, 100))["focus_distance"] == pytest.approx(6)
@@ -218,6 +232,11 @@ def test_the_nearest_point_in_the_picture_is_sharp_by_default() -> None:
     matrix = np.array(framed["to_world"].matrix)
     depths = (CUBE - matrix[:3, 3]) @ matrix[:3, 2]
     assert framed["focus_distance"] == pytest.approx(depths.min(), rel=1e-5)
+    # A width of 2 at a distance of 1, in a field of view of 90 degrees along the shorter side.
+    from_front = CameraSettings(orbit=(0, 0, 3), look_at=(0, 0, 0), fov=90, aperture=0.1)
+    some = [[0, 0, 0], [1.5, 0, 2], [0, 0, 1]]
+    for size, distance in (((200, 100), 1), ((100, 200), 2), ((100, 100), 2)):
+        assert sensor(from_front, some, (), size)["focus_distance"] == pytest.approx(distance)
     with pytest.raises(InputError, match="focus: nothing of the object is before the camera"):
         sensor(lens, points[-1:], [CAMERA])
 

@@ -58,6 +58,7 @@ def render(
     Examples:
       stratalux render demo -o demo.exr -o demo.png
       stratalux render teapot.obj --env grace.exr --env-rotate flip --size 600x400 -o teapot.png
+      stratalux render teapot.obj --env grace.exr --orbit 120,30 --fov 50 -o side.png
       stratalux render part.stl --up z --env studio.hdr --material metal --strata 32 --proposals 8
       stratalux render demo --technique importance:samples=32,proposals=128 -o importance.png
       stratalux render matpreview.xml -D spp=64 --env forest.hdr --env-rotate 90 -o preview.exr

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import mitsuba as mi
@@ -201,6 +202,16 @@ def _rigid(camera: Camera, name: str) -> Matrix:
             3,
         )
     return matrix
+
+
+def moved(camera: Camera, matrix: npt.ArrayLike) -> Camera:
+    """The camera where a similarity ``matrix`` (4, 4) takes it, with all of its lengths."""
+    matrix = np.asarray(matrix, dtype=np.float64)
+    scale = float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
+    there = matrix @ camera.matrix
+    there[:3, :3] /= scale
+    height, focus = (None if length is None else length * scale for length in (camera.height, camera.focus))
+    return replace(camera, matrix=there, height=height, aperture=camera.aperture * scale, focus=focus)
 
 
 # ------------------------------- A camera that frames the object -------------------------------
