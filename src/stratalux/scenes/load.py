@@ -42,7 +42,7 @@ def load_scene(
     :class:`EnvironmentMap`. Elsewhere the map replaces the scene's own, in its orientation. ``rotate`` (degrees about
     the world's x, y and z axes, in that order) and ``scale`` come on top of what the scene says. ``size``: (width,
     height) of the film in pixels. ``parameters``: values of ``$name`` in the XML file. ``max_memory``: bytes that the
-    pixels of the map may take, see :meth:`.EnvironmentMap.load`.
+    pixels of the map may take, see :meth:`.EnvironmentMap.load`, and those of each texture that an XML file names.
 
     Raises :class:`InputError` with one line that says what is wrong.
     """
@@ -73,7 +73,7 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
         scene = mi.load_dict(demo_scene(size, emitter=emitter))
     elif suffix == ".xml":
         bitmap = emitter and emitter["bitmap"]
-        scene, hide_emitters = load_xml(path, bitmap, camera.size, shown.definitions)
+        scene, hide_emitters = load_xml(path, bitmap, camera.size, shown.definitions, max_memory)
     elif suffix in FORMATS:
         if emitter is None:
             raise InputError(f"{path}: a mesh brings no light; give an environment map with --env MAP")
