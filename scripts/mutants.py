@@ -58,7 +58,7 @@ TESTS = {
     "sampling/leaf_sampler.py": "statistics/test_leaf_sampler.py sampling/test_leaves.py",
     "sampling/leaves.py": "sampling/test_leaves.py statistics/test_leaf_sampler.py",
     "sampling/points.py": "statistics/test_points.py",
-    "sampling/recording.py": "integrators/automatic/test_launch.py rendering/test_threads.py",
+    "sampling/recording.py": "sampling/test_recording.py integrators/automatic/test_launch.py",
     "sampling/region_sampler.py": "statistics/test_region_sampler.py",
     "integrators/automatic/adaptive.py": "integrators/automatic/test_adaptive.py statistics/test_nested_strata.py",
     "integrators/automatic/image.py": "integrators/automatic integrators/test_invariances.py "

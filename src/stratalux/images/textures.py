@@ -23,8 +23,8 @@ _LARGEST_WHOLE = {"uint8": 255, "uint16": 65535}
 
 @dataclass
 class Texture:
-    """``pixels`` (H, W, C), one channel or three: uint8 or uint16 under the ``srgb`` curve, or linear Rec. 709, float16 or
-    float32. ``said``: what was chosen, left out, converted or repaired on the way, a line each."""
+    """``pixels`` (H, W, C), one channel or three: uint8 or uint16 under the ``srgb`` curve, or linear Rec. 709 of type
+    float16 or float32. ``said``: what was chosen, left out, converted or repaired on the way, a line each."""
 
     pixels: NDArray[Any]
     srgb: bool
