@@ -321,6 +321,7 @@ def spoil() -> None:
         ("render demo --strata 0", "strata"),
         ("render demo --proposals 0", "proposals"),
         ("render demo --spp 0", "spp"),
+        ("render demo --quiet --verbose", "give one"),
         ("render demo --size 0x4", "not a size"),
         ("render demo --size big", "not a size"),
         ("render demo --env-rotate up", "not a rotation"),

@@ -50,6 +50,13 @@ def test_rays_are_divided_between_the_properties_that_cost_them() -> None:
     assert path.with_rays(16) == ({}, 8)
     direct, given = parse_technique("direct:emitter_samples=1,bsdf_samples=1")
     assert direct.with_rays(6, given) == (given, 3)
+    # Of which Mitsuba takes 512 at once
+    assert direct.with_rays(513) == ({"emitter_samples": 512}, 1)
+    assert direct.with_rays(514) == ({"emitter_samples": 256}, 2)
+    assert direct.with_rays(4096) == ({"emitter_samples": 511}, 8)
+    assert direct.with_rays(1024, {"bsdf_samples": 512}) == ({"bsdf_samples": 512, "emitter_samples": 512}, 1)
+    assert direct.with_rays(4, {"bsdf_samples": 8}) == ({"bsdf_samples": 8, "emitter_samples": 1}, 1)
+    assert direct.with_rays(8, {"bsdf_samples": 0}) == ({"bsdf_samples": 0, "emitter_samples": 8}, 1)
 
 
 def test_values_are_read_by_the_type_of_the_default() -> None:

@@ -26,6 +26,7 @@ def test_aligned_blocks_are_stratified(seed: int, block: int) -> None:
     one = van_der_corput(index, mi.UInt32(seed)).numpy() >> (32 - bits)
     assert sorted(one) == list(range(1 << bits))
     points = sobol_2d(index, mi.UInt32(seed)).numpy().T
+    assert points.min() >= 0 and points.max() < 1
     for k in range(bits + 1):  # elementary intervals of every shape hold one point each
         cell = np.floor(points * [1 << k, 1 << (bits - k)]).astype(int)
         assert len({tuple(c) for c in cell}) == 1 << bits
@@ -68,6 +69,34 @@ def test_every_point_is_uniform_and_independent_of_those_of_other_seeds() -> Non
         # Neighbouring seeds, as neighbouring pixels have them
         counts, _, _ = np.histogram2d(u[:-1:2], u[1::2], bins=cells, range=[[0, 1], [0, 1]])
         assert stats.chisquare(counts.ravel()).pvalue > sidak(3 * len(indices))
+
+
+def test_hashes_are_those_that_are_cited() -> None:
+    """Once more, in Python's integers: a constant or a shift that is off by one would still spread, but less well."""
+    most = (1 << 32) - 1
+
+    def lowbias32(x: int) -> int:
+        x = (x ^ x >> 16) * 0x7FEB352D & most
+        x = (x ^ x >> 15) * 0x846CA68B & most
+        return x ^ x >> 16
+
+    def laine_karras(x: int, seed: int) -> int:
+        x = x + seed & most
+        for factor in (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6):
+            x ^= x * factor & most
+        return x
+
+    def reverse(x: int) -> int:
+        return int(f"{x:032b}"[::-1], 2)
+
+    values = [0, 1, 2, 0x12345678, 0xDEADBEEF, most]
+    x, seed = mi.UInt32(values), mi.UInt32(values[::-1])
+    assert mix(x).numpy().tolist() == [lowbias32(v) for v in values]
+    assert van_der_corput(x, seed).numpy().tolist() == [
+        reverse(laine_karras(v, s)) for v, s in zip(values, values[::-1], strict=True)
+    ]
+    points = sobol_2d(mi.UInt32(0), seed).numpy().T.tolist()
+    assert points == [[(reverse(laine_karras(0, k)) >> 8) / 2**24 for k in (s, lowbias32(s))] for s in values[::-1]]
 
 
 def test_mix_is_one_to_one_and_spreads() -> None:

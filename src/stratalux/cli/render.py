@@ -65,6 +65,8 @@ def render(
     """
     from ..images.files import check_different, check_output
 
+    if quiet and verbose:
+        raise click.UsageError("--quiet and --verbose: one asks for nothing, the other for Mitsuba's log; give one")
     check_source(scene.source)
     paths = [check_output(path) for path in outputs or (f"{Path(scene.source).stem}.exr",)]
     check_different(paths, [scene.source, *([scene.environment] if scene.environment else [])])

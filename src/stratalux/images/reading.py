@@ -74,8 +74,8 @@ def read_image(path: str | Path, max_memory: int | None = None, reader: Reader |
     """
     path = Path(path)
     most = default_memory() if max_memory is None else max_memory
-    with one_line_errors(path), nullcontext(reader) if reader is not None else Reader() as process:
-        return _radiance(path, most, process) if radiance.is_radiance(path) else _image(path, most, process)
+    with on_one_line(path), nullcontext(reader) if reader is not None else Reader() as process:
+        return read_radiance(path, most, process) if radiance.is_radiance(path) else _image(path, most, process)
 
 
 def read_text(path: str | Path, name: str) -> str | None:
@@ -84,13 +84,13 @@ def read_text(path: str | Path, name: str) -> str | None:
     Raises :class:`InputError` as :func:`read_image`.
     """
     path = Path(path)
-    with one_line_errors(path), Reader() as process:
+    with on_one_line(path), Reader() as process:
         found = process.parts(path)[0]["attributes"].get(name)
     return None if found is None else str(found)
 
 
 @contextmanager
-def one_line_errors(path: Path, name: str | None = None) -> Iterator[None]:
+def on_one_line(path: Path, name: str | None = None) -> Iterator[None]:
     """Whatever goes wrong with a file is an :class:`InputError` of one line, which calls it by its path or `name`."""
     name = shown(path) if name is None else name
     try:
@@ -110,32 +110,42 @@ def one_line_errors(path: Path, name: str | None = None) -> Iterator[None]:
 
 
 def _image(path: Path, most: int, reader: Reader) -> Image:
+    image, part, choice = read_stored(path, most, reader)
+    attributes, kind = part["attributes"], part["types"][choice.channels[0]]
+    if kind in ("uint", "uint32"):
+        image.said.append("32-bit integers are taken as they are")
+    if attributes.get("oiio:UnassociatedAlpha"):
+        image.said.append("alpha is left out")
+    to_linear(image, choice, *_colour_space(image, part, kind))
+    if image.pixels.shape[2] == 1:
+        image.pixels = np.repeat(image.pixels, 3, axis=2)
+    if str(attributes.get("textureformat", "")).startswith("CubeFace"):
+        image.cube = True
+        repair_image(image)
+    image.pixels = _oriented(image.pixels, *_ORIENTATIONS.get(attributes.get("Orientation", 1), (False, False, False)))
+    return image
+
+
+def read_stored(path: Path, most: int, reader: Reader) -> tuple[Image, dict[str, Any], Choice]:
+    """The picture as it is stored, in its window; the part of the file that it is, and which channels are taken."""
     parts = reader.parts(path)
     if not parts:
         raise InputError(f"{path}: no image in it")
     choice = choose(parts, str(path))
     part = parts[choice.part]
-    attributes, kind = part["attributes"], part["types"][choice.channels[0]]
     columns, rows, window = _windows(path, part)
     check_size(path, part, window[2:], most)
     pixels = reader.pixels(path, part, choice.part, choice.channels, columns, rows)
     image = Image(_framed(pixels, columns, rows, window))
     image.said += [choice.said] if choice.said else []
     image.said += _said_of_windows(part)
-    image.largest = float(np.finfo(np.float16).max) if kind == "half" else None
-    if kind in ("uint", "uint32"):
-        image.said.append("32-bit integers are taken as they are")
-    if attributes.get("oiio:UnassociatedAlpha"):
-        image.said.append("alpha is left out")
-    _to_linear(image, part, kind, choice)
-    if str(attributes.get("textureformat", "")).startswith("CubeFace"):
-        image.cube = True
-        _repaired(image)
-    image.pixels = oriented(image.pixels, part)
-    return image
+    half = part["types"][choice.channels[0]] == "half"
+    image.largest = float(np.finfo(np.float16).max) if half else None
+    return image, part, choice
 
 
-def _radiance(path: Path, most: int, reader: Reader) -> Image:
+def read_radiance(path: Path, most: int, reader: Reader) -> Image:
+    """A Radiance picture, see :func:`read_image`."""
     header = radiance.read_header(path)
     size = header.length, header.lines
     _check_memory(path, size, most)
@@ -255,24 +265,20 @@ def check_size(path: Path, part: dict[str, Any], size: Sequence[int], most: int)
 # ------------------------------- Colours -------------------------------
 
 
-def _to_linear(image: Image, part: dict[str, Any], kind: str, choice: Choice) -> None:
-    """Make linear Rec. 709 of what the file holds."""
-    curve, primaries = _colour_space(image, part, kind)
+def to_linear(image: Image, choice: Choice, curve: str | float | None, primaries: Sequence[float] | None) -> None:
+    """Make linear Rec. 709 of what the file holds, if there are colours; see :func:`_colour_space`."""
     if choice.chroma:
-        _repaired(image)
+        repair_image(image)
         image.pixels = _colours_of_luminance(image.pixels, primaries or REC709)
-    elif image.pixels.shape[2] == 1:
-        image.pixels = np.repeat(image.pixels, 3, axis=2)
-        primaries = None
     if curve is not None:
         decode(image.pixels, curve)
     try:
-        matrix = None if primaries is None else to_rec709(primaries)
+        matrix = None if primaries is None or image.pixels.shape[2] == 1 else to_rec709(primaries)
     except ValueError:
         image.said.append("its chromaticities make no sense, and are left out")
         return
     if matrix is not None:
-        _repaired(image)
+        repair_image(image)
         transform(image.pixels, matrix)
         image.said.append("its primaries and white are converted to those of Rec. 709")
 
@@ -312,17 +318,12 @@ def _colours_of_luminance(pixels: NDArray[np.float32], primaries: Sequence[float
     return np.stack([red, green, blue], axis=2).astype(np.float32)
 
 
-def _repaired(image: Image) -> None:
+def repair_image(image: Image) -> None:
     """Without what is not finite, which would spread to other channels."""
     repaired, said = repair(image.pixels, image.largest, keep_negative=True)
     if repaired is not image.pixels:
         image.pixels = repaired
         image.said.append(said)
-
-
-def oriented(pixels: NDArray[Any], part: dict[str, Any]) -> NDArray[Any]:
-    """``pixels`` as they are to be seen, by what a file says of its orientation."""
-    return _oriented(pixels, *_ORIENTATIONS.get(part["attributes"].get("Orientation", 1), (False, False, False)))
 
 
 def _oriented(pixels: NDArray[Any], turned: bool, rows: bool, columns: bool) -> NDArray[Any]:

@@ -1,4 +1,7 @@
-"""The numbers of an image as its file has them, for textures: no colours are converted, no channel is chosen."""
+"""The numbers of an image as its file has them, for the textures of models: all channels, nothing is converted.
+
+Rows are as stored: coordinates do not follow what a file says of its orientation (glTF 2.0, section 3.8).
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from .reader import Reader
-from .reading import check_size, default_memory, one_line_errors, oriented
+from .reading import check_size, default_memory, on_one_line
 
 _CODES: dict[str, tuple[Any, int]] = {"uint8": (np.uint8, 255), "uint16": (np.uint16, 65535)}
 
@@ -64,7 +67,7 @@ def read_texels(name: str, source: Path | bytes, max_memory: int | None = None, 
         else:
             path = source
         try:
-            with one_line_errors(path, name), nullcontext(reader) if reader is not None else Reader() as process:
+            with on_one_line(path, name), nullcontext(reader) if reader is not None else Reader() as process:
                 return _read(path, name, most, process)
         except InputError as error:
             raise InputError(str(error).replace(str(path), name)) from None
@@ -88,7 +91,7 @@ def _read(path: Path, name: str, most: int, reader: Reader) -> Texels:
     elif not np.isfinite(pixels).all():
         raise InputError(f"{name}: a texel is not a finite number; repair the image")
     space = str(part["attributes"].get("oiio:ColorSpace", "")).lower()
-    return Texels(oriented(pixels, part), code is not None and not space.startswith(("lin", "raw", "data")))
+    return Texels(pixels, code is not None and not space.startswith(("lin", "raw", "data")))
 
 
 def _order(names: list[str]) -> list[int]:

@@ -6,6 +6,7 @@ says what it is in ``TECHNIQUES``; the command line, the comparison and the test
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -113,12 +114,14 @@ class Technique:
     def with_rays(self, count: int, given: Mapping[str, Value] | None = None) -> tuple[dict[str, Value], int]:
         """Properties and samples per pixel with which a shading point gets ``count`` rays, or as many as come next.
 
-        What ``given`` sets stays as it is, so a technique whose number of rays is set there is given more samples.
+        What ``given`` sets stays as it is, so a technique whose number of rays is set there is given more samples, and
+        so is one that cannot take as many rays at once.
         """
         given = dict(given or {})
         if self.rays and self.rays[0] not in given and not self.is_automatic(given):
             others = self.shadow_rays({**given, self.rays[0]: 1}) - 1
-            given[self.rays[0]] = max(1, count - others)
+            samples = math.ceil(count / (self.properties[self.rays[0]].maximum + others))
+            given[self.rays[0]] = max(1, math.ceil(count / samples) - others)
         return given, max(1, round(count / max(1, self.shadow_rays(given))))
 
 

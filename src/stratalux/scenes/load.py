@@ -45,7 +45,8 @@ def load_scene(
     the world's x, y and z axes, in that order) and ``scale`` come on top of what the scene says, ``env_frame`` before
     it. ``size``: (width, height) of the film in pixels. An XML scene keeps all of its cameras: tell ``render``, too,
     which ``camera`` it is. ``parameters``: values of ``$name`` in the XML file. ``max_memory``: bytes that the pixels
-    of the map may take, see :meth:`.EnvironmentMap.load`. ``seen``: settings of the camera, instead of keywords.
+    of the map may take, see :meth:`.EnvironmentMap.load`, and those of each texture. ``seen``: settings of the camera,
+    instead of keywords.
 
     Raises :class:`InputError` with one line that says what is wrong.
     """
@@ -81,7 +82,7 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
         scene = mi.load_dict(_seen(camera, demo_scene(size, emitter=emitter), size))
     elif suffix == ".xml":
         bitmap = emitter and emitter["bitmap"]
-        scene, hide_emitters = load_xml(path, bitmap, camera.size, shown.definitions)
+        scene, hide_emitters = load_xml(path, bitmap, camera.size, shown.definitions, max_memory)
         chosen = own_camera(camera, scene)
     elif suffix in FORMATS:
         found = load_object(path, shown.up)

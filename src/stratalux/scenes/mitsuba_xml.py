@@ -13,6 +13,7 @@ from ..errors import InputError, SceneWarning
 from ..images.files import one_line
 from .settings import MOST_PIXELS, check_source
 from .xml_checks import check_filters, check_objects, check_text
+from .xml_images import read_images
 
 ENVIRONMENT_PLUGINS = ("envmap", "constant", "sunsky", "sky", "sun")
 
@@ -22,11 +23,16 @@ _SEE_THROUGH = ("DeltaTransmission", "GlossyTransmission", "Null")
 
 
 def load_xml(
-    path: Path, environment: Any, size: tuple[int, int] | None, parameters: Mapping[str, str]
+    path: Path,
+    environment: Any,
+    size: tuple[int, int] | None,
+    parameters: Mapping[str, str],
+    max_memory: int | None = None,
 ) -> tuple[mi.Scene, bool]:
     """Load a scene; with it, whether its integrator hides emitters.
 
-    ``environment``: bitmap of a map that replaces the scene's own. ``size``: of the film in pixels.
+    ``environment``: bitmap of a map that replaces the scene's own. ``size``: of the film in pixels. ``max_memory``: see
+    :func:`.xml_images.read_images`.
     Warns with a :class:`SceneWarning` of what the file asks for and is not shown. Raises :class:`InputError`.
     """
     check_source(str(path))
@@ -44,6 +50,7 @@ def load_xml(
         hide_emitters = _integrator(path, state)
         if environment is not None:
             _put_environment(state, environment)
+        read_images(state, max_memory)
         scene = mi.parser.instantiate(config, state)
     except InputError:
         raise
