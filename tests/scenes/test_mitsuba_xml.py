@@ -58,9 +58,11 @@ def test_what_is_not_shown_is_told_in_one_line(tmp_path: Path) -> None:
     (line,) = told(write(tmp_path / "a.xml", aov))
     assert "its AOVs (dd:depth) are left out" in line
     mask = '<bsdf type="mask"><float name="opacity" value="0.5"/><bsdf type="diffuse"/></bsdf>'
-    for bsdf, name in ((mask, "MaskBSDF"), ('<bsdf type="dielectric"/>', "SmoothDielectric")):
+    bumpy = f'<bsdf type="bumpmap"><texture type="checkerboard" name="bumps"/>{mask}</bsdf>'
+    for bsdf, name in (('<bsdf type="dielectric"/>', "SmoothDielectric"), (bumpy, "BumpMap")):
         (line,) = told(write(tmp_path / "a.xml", bsdf=bsdf))
         assert f"what is behind {name} is black" in line
+    assert told(write(tmp_path / "a.xml", bsdf=mask)) == []
 
 
 @pytest.mark.parametrize("strata", [None, 4])

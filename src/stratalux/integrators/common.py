@@ -11,6 +11,8 @@ import mitsuba as mi
 from ..sampling.recording import no_garbage_collection, one_at_a_time
 from . import derivatives
 from .environment import MapLight
+from .sight import Sight
+from .straight import Arrival, Obstacles, Scene, behind, first_surface, visible
 
 LEAST = 1e-30
 """In place of an energy that is 0."""
@@ -21,6 +23,9 @@ SUM = -1
 class DirectIntegrator(mi.SamplingIntegrator):
     """Camera ray, visible emitters, and the emitters that Mitsuba samples; the map's light is left to a subclass.
 
+    Camera rays and light pass what has a ``Null`` lobe, as masks have, in the share that it transmits
+    (:mod:`.straight`); a bump map or normal map around a mask does not tell that (Mitsuba 3.9), and is opaque.
+
     A subclass implements ``prepare(scene)``, which returns what ``environment_light`` needs, or None if the scene has
     no environment map, and ``environment_light`` itself.
     """
@@ -30,14 +35,14 @@ class DirectIntegrator(mi.SamplingIntegrator):
 
     def environment_light(
         self,
-        scene: mi.Scene,
+        scene: Scene,
         prepared: Any,
         sampler: mi.Sampler,
         si: mi.SurfaceInteraction3f,
         bsdf: mi.BSDFPtr,
         active: mi.Bool,
     ) -> mi.Spectrum:
-        """Direct light of the environment map at ``si`` from smooth lobes."""
+        """Direct light of the environment map at ``si`` from smooth lobes, less what ``scene`` keeps off."""
         raise NotImplementedError
 
     def sample(
@@ -51,8 +56,9 @@ class DirectIntegrator(mi.SamplingIntegrator):
         """Radiance along ``ray``, its alpha, and no AOVs (Mitsuba's integrator interface)."""
         with no_garbage_collection():
             prepared = self.prepare(scene)
-            others = OtherEmitters(scene, prepared is not None, derivatives.wanted(scene))
-            return *self.radiance(scene, prepared, others, sampler, ray, active), []
+            sight = Sight(scene)
+            others = OtherEmitters(scene, prepared is not None, derivatives.wanted(scene), sight.obstacles)
+            return *self.radiance(scene, prepared, others, sight, sampler, ray, active), []
 
     @one_at_a_time
     def render(
@@ -71,8 +77,9 @@ class DirectIntegrator(mi.SamplingIntegrator):
     def render_forward(
         self, scene: mi.Scene, params: Any, sensor: mi.Sensor | int = 0, seed: int | mi.UInt32 = 0, spp: int = 0
     ) -> mi.TensorXf:
-        """As Mitsuba's; raises :class:`InputError` where something moves."""
+        """As Mitsuba's; raises :class:`InputError` where something moves, or lets more through."""
         derivatives.refuse_motion(scene, sensor)
+        derivatives.refuse_transmission(scene)
         # Forward through a symbolic loop, Dr.Jit 1.5 fails where other scenes with more kinds of BSDF are alive.
         with dr.scoped_set_flag(dr.JitFlag.SymbolicLoops, False):
             image = self.render(scene, sensor, seed, spp, develop=True, evaluate=False)
@@ -89,8 +96,9 @@ class DirectIntegrator(mi.SamplingIntegrator):
         seed: int | mi.UInt32 = 0,
         spp: int = 0,
     ) -> None:
-        """As Mitsuba's; raises :class:`InputError` where something moves."""
+        """As Mitsuba's; raises :class:`InputError` where something moves, or lets more through."""
         derivatives.refuse_motion(scene, sensor)
+        derivatives.refuse_transmission(scene)
         image = self.render(scene, sensor, seed, spp, develop=True, evaluate=False)
         dr.backward_from(image * grad_in)
 
@@ -99,35 +107,52 @@ class DirectIntegrator(mi.SamplingIntegrator):
         scene: mi.Scene,
         prepared: Any,
         others: OtherEmitters,
+        sight: Sight,
         sampler: mi.Sampler,
         ray: mi.RayDifferential3f,
         active: mi.Bool | bool,
     ) -> tuple[mi.Spectrum, mi.Bool]:
         """Radiance along ``ray``, and its alpha; ``prepared`` is what :meth:`prepare` returns."""
         active = mi.Bool(active)
-        L = mi.Spectrum(0)
         with dr.suspend_grad():  # no shape moves here; those of other scenes that live may
-            si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
-            if self.hide_emitters:
-                hidden = active & si.is_valid() & (si.shape.emitter() != None)  # noqa: E711
-                behind = self.skip_area_emitters(scene, si.spawn_ray(ray.d), True, hidden)
-                si = dr.select(hidden, behind.compute_surface_interaction(ray, mi.RayFlags.All, hidden), si)
+            seen = self._first_surface(scene, sight, sampler, ray, active)
+        si = seen.si
 
         # ----------------------- Visible emitters -----------------------
+        L = mi.Spectrum(0)
         if not self.hide_emitters:
-            L += si.emitter(scene, active).eval(si, active)
+            L += seen.emitted(si.emitter(scene, active).eval(si, active))
         valid = active & si.is_valid()
 
+        # ----------------------- Reflected light ------------------------
         bsdf = si.bsdf(ray)
         smooth = valid & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
         if prepared is not None:
-            L += self.environment_light(scene, prepared, sampler, si, bsdf, smooth)
+            L_map = self.environment_light(sight.obstacles or scene, prepared, sampler, si, bsdf, smooth)
+            L += seen.reflected(L_map)
+            self.weigh(sampler, seen)
         if others.lights:
-            L += others.emitter_sampling(scene, sampler, si, bsdf, smooth)
+            L += seen.reflected(others.emitter_sampling(scene, sampler, si, bsdf, smooth))
         if others.found_by_bsdf or _has_delta(scene):
-            L += others.bsdf_sampling(scene, sampler, si, bsdf, valid)
+            L += seen.reflected(others.bsdf_sampling(scene, sampler, si, bsdf, valid))
         # As in Mitsuba's path: an environment that can be seen covers all that is behind.
         return L, valid if self.hide_emitters or scene.environment() is None else active
+
+    def weigh(self, sampler: mi.Sampler, seen: Arrival) -> None:
+        """Give what an estimate has left in ``sampler`` the weight of the reflected light; here, that is nothing."""
+
+    def _first_surface(
+        self, scene: mi.Scene, sight: Sight, sampler: mi.Sampler, ray: mi.RayDifferential3f, active: mi.Bool
+    ) -> Arrival:
+        if sight.straight:
+            unseen = _emits if self.hide_emitters else lambda si: mi.Bool(False)
+            return first_surface(scene, ray, sampler.next_1d(active), unseen, not self.hide_emitters, active)
+        si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
+        if self.hide_emitters:
+            hidden = active & si.is_valid() & _emits(si)
+            behind = self.skip_area_emitters(scene, si.spawn_ray(ray.d), True, hidden)
+            si = dr.select(hidden, behind.compute_surface_interaction(ray, mi.RayFlags.All, hidden), si)
+        return Arrival(si)
 
 
 class MisWithBsdf:
@@ -161,7 +186,7 @@ class MisWithBsdf:
     @dr.syntax
     def bsdf_samples(
         self,
-        scene: mi.Scene,
+        scene: Scene,
         light: MapLight,
         density: Callable[[mi.Vector3f, mi.Spectrum, mi.Bool], mi.Float],
         sampler: mi.Sampler,
@@ -177,10 +202,10 @@ class MisWithBsdf:
             u = sampler.next_1d(active), sampler.next_2d(active)
             bs, weight, found = draw(bsdf, self.ctx, si, *u, active, self._differentiated)
             d = si.to_world(bs.wo)
-            found &= ~scene.ray_test(si.spawn_ray(d), found)
+            V, found = visible(scene, si.spawn_ray(d), found)
             L = light.radiance_towards(d, si, found)
             total = self.total(density(light.from_world(d), L, found), bs.pdf)
-            L_o += dr.select(found, L * weight * (bs.pdf / total), 0)
+            L_o += dr.select(found, L * weight * (bs.pdf / total) * V, 0)
             k += 1
         return L_o
 
@@ -192,9 +217,15 @@ class OtherEmitters:
     and only a BSDF sample can find it.
     """
 
-    def __init__(self, scene: mi.Scene, environment_apart: bool, differentiated: bool = False) -> None:
+    def __init__(
+        self,
+        scene: mi.Scene,
+        environment_apart: bool,
+        differentiated: bool = False,
+        obstacles: Obstacles | None = None,
+    ) -> None:
         self.environment = scene.environment() if environment_apart else None
-        self._differentiated = differentiated
+        self._differentiated, self._obstacles = differentiated, obstacles
         emitters = [emitter for emitter in scene.emitters() if emitter is not self.environment]
         weights = [0.0 if e is self.environment else float(dr.slice(e.sampling_weight(), 0)) for e in scene.emitters()]
         self.lights = any(weights)
@@ -217,11 +248,11 @@ class OtherEmitters:
         if self._differentiated:
             ds = dr.detach(ds)
             weight = dr.replace_grad(weight, emitter.eval_direction(si, ds, active) / ds.pdf)
-        active &= ~scene.ray_test(si.spawn_ray_to(ds.p), active)
+        V, active = visible(self._obstacles or scene, si.spawn_ray_to(ds.p), active)
         wo = si.to_local(ds.d)
         value, bsdf_pdf = bsdf.eval_pdf(mi.BSDFContext(), si, wo, active)
         mis = dr.detach(dr.select(ds.delta, 1, power_heuristic(ds.pdf * pmf, bsdf_pdf)))
-        return dr.select(active, mis * value * weight / pmf, 0)
+        return dr.select(active, mis * value * weight * V / pmf, 0)
 
     def bsdf_sampling(
         self, scene: mi.Scene, sampler: mi.Sampler, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool
@@ -243,10 +274,27 @@ class OtherEmitters:
             active = active & dr.any(weight != 0)
         if not self.found_by_bsdf:
             active &= delta
+        ray = si.spawn_ray(si.to_world(bs.wo))
+        if self._obstacles is not None:
+            active &= ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)  # that is the camera ray's own way on
+            return dr.select(active, weight * self._found_straight(scene, si, ray, bs.pdf, delta, active), 0)
         with dr.suspend_grad():
-            hit = scene.ray_intersect(si.spawn_ray(si.to_world(bs.wo)), active)
+            hit = scene.ray_intersect(ray, active)
+        value, mis, active = self._found(scene, si, hit, bs.pdf, delta, active)
+        return dr.select(active, weight * value * mis, 0)
+
+    def _found(
+        self,
+        scene: mi.Scene,
+        si: mi.SurfaceInteraction3f,
+        hit: mi.SurfaceInteraction3f,
+        bsdf_pdf: mi.Float,
+        delta: mi.Bool,
+        active: mi.Bool,
+    ) -> tuple[mi.Spectrum, mi.Float, mi.Bool]:
+        """Radiance of what a BSDF sample at ``si`` has ``hit``, its weight for MIS, and where there is any."""
         emitter = hit.emitter(scene, active)
-        active &= emitter != None  # noqa: E711
+        active = active & (emitter != None)  # noqa: E711
         environment = active & (emitter == mi.EmitterPtr(self.environment)) if self.environment else mi.Bool(False)
         # The environment map's light through smooth lobes is complete without this sample.
         active &= delta | ~environment
@@ -255,8 +303,31 @@ class OtherEmitters:
         if self.lights:
             pmf = emitter.sampling_weight() * self._distribution.normalization()
             pdf = dr.select(delta, 0, emitter.pdf_direction(si, ds, active & ~delta) * pmf)
-        value = emitter.eval(hit, active)
-        return dr.select(active, weight * value * dr.detach(power_heuristic(bs.pdf, pdf)), 0)
+        return emitter.eval(hit, active), dr.detach(power_heuristic(bsdf_pdf, pdf)), active
+
+    @dr.syntax
+    def _found_straight(
+        self,
+        scene: mi.Scene,
+        si: mi.SurfaceInteraction3f,
+        ray: mi.Ray3f,
+        bsdf_pdf: mi.Float,
+        delta: mi.Bool,
+        active: mi.Bool,
+    ) -> mi.Spectrum:
+        """Weighted radiance of all that ``ray`` meets, one behind the other."""
+        going = mi.Bool(active)
+        L, V = mi.Spectrum(0), mi.Spectrum(1)
+        layers = mi.UInt32(0)
+        while dr.hint(going, max_iterations=SUM):
+            with dr.suspend_grad():
+                hit = scene.ray_intersect(ray, going)
+            value, mis, lit = self._found(scene, si, hit, bsdf_pdf, delta, going)
+            L += dr.select(lit, V * value * mis, 0)
+            layers += 1
+            with dr.suspend_grad():
+                V, ray, going = behind(hit, ray, V, layers, going)
+        return L
 
 
 def only(kinds: mi.BSDFFlags) -> mi.BSDFContext:
@@ -299,12 +370,15 @@ def by_identity(pointers: Any, values: mi.UInt32, default: int) -> mi.UInt32:
     return table
 
 
+def _emits(si: mi.SurfaceInteraction3f) -> mi.Bool:
+    return si.shape.emitter() != None  # noqa: E711
+
+
 def _has_delta(scene: mi.Scene) -> bool:
-    """Whether some surface of the scene may have a delta lobe (instances do not tell what they are made of)."""
+    """Whether some surface of the scene may have a delta lobe besides ``Null`` (instances do not tell their BSDFs)."""
     shapes = scene.shapes()
-    return any(
-        shape.class_name() == "Instance" or mi.has_flag(shape.bsdf().flags(), mi.BSDFFlags.Delta) for shape in shapes
-    )
+    kinds = int(mi.BSDFFlags.Delta) & ~int(mi.BSDFFlags.Null)
+    return any(shape.class_name() == "Instance" or int(shape.bsdf().flags()) & kinds for shape in shapes)
 
 
 def power_heuristic(a: mi.Float, b: mi.Float) -> mi.Float:

@@ -15,6 +15,9 @@ import mitsuba as mi
 
 from ..errors import InputError
 
+_TRANSMISSION = {"opacity", "weight", "eta", "specular_transmittance"}
+"""Parameters of BSDFs on which the transmission of their ``Null`` lobes depends."""
+
 
 def parameters(part: mi.Object) -> Iterator[tuple[str, Any]]:
     """Names and values of what Mitsuba lets be changed of a scene or a part of one; not those that are not set."""
@@ -31,6 +34,20 @@ def wanted(scene: mi.Scene) -> bool:
     probe = mi.Float(0)
     dr.enable_grad(probe)
     return dr.grad_enabled(probe) and any(dr.grad_enabled(value) for _, value in parameters(scene))
+
+
+def refuse_transmission(scene: mi.Scene) -> None:
+    """Raise :class:`InputError` if what surfaces let through straight on changes with what is differentiated."""
+    params = mi.traverse(scene)
+    for name, (_, _, node, _) in params.properties.items():
+        if _TRANSMISSION.isdisjoint(name.split(".")):
+            continue
+        while node is not None and not (isinstance(node, mi.BSDF) and mi.has_flag(node.flags(), mi.BSDFFlags.Null)):
+            node = params.hierarchy[node][0]
+        if node is not None and dr.grad_enabled(params[name]):
+            raise InputError(
+                f"no derivatives for '{name}': which rays pass a surface depends on it; use Mitsuba's 'prb' for those"
+            )
 
 
 def refuse_motion(scene: mi.Scene, sensor: mi.Sensor | int) -> None:

@@ -9,6 +9,7 @@ from ..maps.median_cut import median_cut
 from ..sampling.region_sampler import DirectionSample, RegionSampler
 from .common import SUM, DirectIntegrator, MisWithBsdf, target
 from .environment import MapCache, MapLight
+from .straight import Scene, arriving
 from .techniques import Property, Technique, properties_from
 
 IMPORTANCE = Technique(
@@ -73,7 +74,7 @@ class DirectImportance(DirectIntegrator):
 
     def environment_light(
         self,
-        scene: mi.Scene,
+        scene: Scene,
         light: MapLight[RegionSampler],
         sampler: mi.Sampler,
         si: mi.SurfaceInteraction3f,
@@ -113,7 +114,7 @@ class DirectImportance(DirectIntegrator):
     @dr.syntax
     def _importance_sampling(
         self,
-        scene: mi.Scene,
+        scene: Scene,
         light: MapLight[RegionSampler],
         points: Points,
         mis: MisWithBsdf,
@@ -129,15 +130,14 @@ class DirectImportance(DirectIntegrator):
             # ----------------- (2): a direction from the density of the map -----------------
             d, g, q, pdf = self._proposal(light, points.draw(light.tables, j, rng, active), mis, si, bsdf, active)
             lit = (q > 0) | (active & (pdf > 0) & light.differentiated)
-            lit &= ~scene.ray_test(si.spawn_ray(d), lit)
-            L_o += dr.select(lit, g / pdf, 0)
+            L_o += arriving(scene, si, d, g / pdf, lit)
             j += 1
         return L_o / mi.Float(N)
 
     @dr.syntax
     def _resampling(
         self,
-        scene: mi.Scene,
+        scene: Scene,
         light: MapLight[RegionSampler],
         points: Points,
         mis: MisWithBsdf,
@@ -171,9 +171,7 @@ class DirectImportance(DirectIntegrator):
             upto = mi.UInt32(dr.clip(dr.ceil(w_before / w_sum * mi.Float(N) - ξ), 0, mi.Float(N)))
             times = dr.select((q > 0) & (upto > taken), upto - taken, 0)
             taken += times
-            lit = times > 0
-            lit &= ~scene.ray_test(si.spawn_ray(d), lit)
-            L_o += dr.select(lit, g / q * mi.Float(times), 0)
+            L_o += arriving(scene, si, d, g / q * mi.Float(times), times > 0)
             i += 1
         return dr.select(w_sum > 0, L_o * (w_sum / mi.Float(M0 * N)), 0)
 

@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..rigs import RIGS, LightRig, Method, light_rig
 from .common import SUM, DirectIntegrator
 from .environment import MapCache, MapLight
+from .straight import Scene, arriving
 from .techniques import Property, Technique, Value, properties_from
 
 _PROPERTIES = {
@@ -80,7 +81,7 @@ class DirectLights(DirectIntegrator):
     @dr.syntax
     def environment_light(
         self,
-        scene: mi.Scene,
+        scene: Scene,
         light: MapLight[RigTables],
         sampler: mi.Sampler,
         si: mi.SurfaceInteraction3f,
@@ -98,9 +99,7 @@ class DirectLights(DirectIntegrator):
                 ω = light.tables.direction(i, active)
             d = light.to_world @ ω
             g = light.tables.colour(i, active) * bsdf.eval(ctx, si, si.to_local(d), active)
-            lit = active & dr.any(g != 0)
-            lit &= ~scene.ray_test(si.spawn_ray(d), lit)
-            L_o += dr.select(lit, g, 0)
+            L_o += arriving(scene, si, d, g, active & dr.any(g != 0))
             i += 1
         return L_o * mi.traverse(light.emitter)["scale"]
 

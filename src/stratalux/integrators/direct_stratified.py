@@ -13,6 +13,7 @@ from .automatic.lobes import MOST_RAYS
 from .common import LEAST, SUM, DirectIntegrator, MisWithBsdf, target
 from .environment import MapCache, MapLight
 from .light_samples import FreshLight, SharedLight, launch_seed
+from .straight import Scene, arriving
 from .techniques import Property, Technique, Value, properties_from
 
 _PINNED: dict[str, Value] = {"strata": 64, "proposals": 1, "bsdf_samples": 0}
@@ -107,7 +108,7 @@ class DirectStratified(DirectIntegrator):
     @dr.syntax
     def environment_light(
         self,
-        scene: mi.Scene,
+        scene: Scene,
         light: MapLight[RegionLeafSampler],
         sampler: mi.Sampler,
         si: mi.SurfaceInteraction3f,
@@ -152,8 +153,7 @@ class DirectStratified(DirectIntegrator):
                 L_ns = g_p * (w_sum / (w_y * mi.Float(M)))
 
             # ----- (5), (6): one shadow ray towards the proposal that is kept -----
-            lit &= ~scene.ray_test(si.spawn_ray(y), lit)
-            L_o += dr.select(lit, L_ns, 0)
+            L_o += arriving(scene, si, y, L_ns, lit)
             i += 1
 
         if dr.hint(self.bsdf_samples > 0, mode="scalar"):

@@ -21,6 +21,7 @@ from ..sampling.equal_area import (
 from ..sampling.region_sampler import DirectionSample
 from .common import SUM, DirectIntegrator, target
 from .environment import MapCache, MapLight
+from .straight import Scene, arriving
 from .techniques import Property, Technique, properties_from
 
 WAVELET = Technique(
@@ -102,7 +103,7 @@ class DirectWavelet(DirectIntegrator):
     @dr.syntax
     def environment_light(
         self,
-        scene: mi.Scene,
+        scene: Scene,
         light: MapLight[LightPyramid],
         sampler: mi.Sampler,
         si: mi.SurfaceInteraction3f,
@@ -131,8 +132,7 @@ class DirectWavelet(DirectIntegrator):
 
             # -------------------------- Its shadow ray ------------------------
             lit = valid & (dr.any(g > 0) | light.differentiated)
-            visible = lit & ~scene.ray_test(si.spawn_ray(d), lit)
-            L_o += dr.select(visible, g / x.pdf, 0)
+            L_o += arriving(scene, si, d, g / x.pdf, lit)
             k += 1
         return L_o / mi.Float(S)
 

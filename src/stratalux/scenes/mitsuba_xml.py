@@ -19,7 +19,9 @@ ENVIRONMENT_PLUGINS = ("envmap", "constant", "sunsky", "sky", "sun")
 
 _DIRECT = ("direct", "direct_stratified", "direct_importance", "direct_wavelet", "direct_lights")
 """Integrators of which nothing is lost when another one of direct light takes their place."""
-_SEE_THROUGH = ("DeltaTransmission", "GlossyTransmission", "Null")
+_SEE_THROUGH = ("DeltaTransmission", "GlossyTransmission")
+_WRAPPERS = ("BumpMap", "NormalMap")
+"""Of Mitsuba 3.9, these do not tell how much a mask inside of them lets through; a mask around them does."""
 
 
 def load_xml(
@@ -111,7 +113,7 @@ def _integrator(path: Path, state: mi.parser.ParserState) -> bool:
 
 
 def _tell_what_lets_light_through(path: Path, scene: mi.Scene) -> None:
-    """Direct light sees nothing behind glass and masks."""
+    """Direct light sees nothing behind glass; through masks it goes straight on."""
     flags = 0
     for flag in _SEE_THROUGH:
         flags |= int(getattr(mi.BSDFFlags, flag))
@@ -126,7 +128,10 @@ def _tell_what_lets_light_through(path: Path, scene: mi.Scene) -> None:
 
 
 def _see_through(bsdf: mi.BSDF | None, flags: int) -> Iterator[str]:
-    if bsdf is not None and int(bsdf.flags()) & flags:
+    if bsdf is None:
+        return
+    wrapped = bsdf.class_name() in _WRAPPERS and mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null)
+    if wrapped or int(bsdf.flags()) & flags:
         yield bsdf.class_name()
 
 

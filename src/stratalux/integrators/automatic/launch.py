@@ -14,6 +14,7 @@ from ...sampling.recording import recorded
 from ..common import OtherEmitters
 from ..derivatives import parameters
 from ..light_samples import SharedLight
+from ..sight import Sight
 from .look import Look, look, shape_numbers
 from .nested_strata import PixelPoints
 from .sample import AllocatedLight, AutomaticSample
@@ -56,6 +57,7 @@ class Launcher:
         self.integrator, self.scene, self.sensor = integrator, scene, sensor
         self._light: AllocatedLight | None = None
         self._others: OtherEmitters | None = None
+        self._sight: Sight | None = None
         self._numbers: mi.UInt32 | None = None
         self._fixed: tuple[Hashable, ...] = ()
         self._recorded: dict[Callable[..., Any], Callable[..., Any]] = {
@@ -65,7 +67,8 @@ class Launcher:
 
     def begin(self, light: AllocatedLight) -> None:
         """Look at the scene as it is now; the launches that follow render that."""
-        self._light, self._others = light, OtherEmitters(self.scene, True)
+        self._light, self._sight = light, Sight(self.scene)
+        self._others = OtherEmitters(self.scene, True, obstacles=self._sight.obstacles)
         self._fixed = *_constants(self.scene), *_constants(self.sensor)
         # Its state, as wide as the last wavefront of another integrator, would be handed to every kernel replayed.
         self.sensor.sampler().seed(0, 1)
@@ -104,7 +107,8 @@ class Launcher:
     def _samples(
         self, scene: mi.Scene, sensor: mi.Sensor, width: mi.UInt32, extent: mi.Vector2f, launch: Launch
     ) -> _Samples:
-        assert self._light is not None and self._others is not None
+        light, others, sight = self._light, self._others, self._sight
+        assert light is not None and others is not None and sight is not None
         samples = None if launch.shared is None else SharedLight(launch.shared)
         points = PixelPoints(launch.index, mix(launch.pixel ^ mix(launch.seed)), samples, launch.expected)
         if launch.detailed is not None:
@@ -119,7 +123,7 @@ class Launcher:
         if sensor.shutter_open_time() > 0:
             time += points.next_1d() * sensor.shutter_open_time()
         ray, importance = sensor.sample_ray_differential(time, mi.Float(0), mi.Point2f(place / extent), aperture)
-        L, valid = self.integrator.radiance(scene, self._light, self._others, points, ray, True)
+        L, valid = self.integrator.radiance(scene, light, others, sight, points, ray, True)
         return L * importance, points.difference * importance, valid, mi.Point2f(place)
 
     def _light_samples(self, seed: mi.UInt32) -> mi.Float:

@@ -12,6 +12,7 @@ from ...sampling.points import mix, shuffle, sobol_2d, unit_float, van_der_corpu
 from ..common import SUM, draw, only, target
 from ..environment import MapLight
 from ..light_samples import FreshLight, SharedLight, launch_seed
+from ..straight import Obstacles, Scene, arriving
 from .balance import Balance
 from .lobes import Allocation
 from .variate import MatteVariate
@@ -136,7 +137,7 @@ class NestedStrata:
     @dr.syntax
     def estimate(
         self,
-        scene: mi.Scene,
+        scene: Scene,
         light: MapLight[LeafSampler],
         si: mi.SurfaceInteraction3f,
         bsdf: mi.BSDFPtr,
@@ -195,7 +196,7 @@ class NestedStrata:
     @dr.syntax
     def differentiable(
         self,
-        scene: mi.Scene,
+        scene: Scene,
         light: MapLight[LeafSampler],
         si: mi.SurfaceInteraction3f,
         bsdf: mi.BSDFPtr,
@@ -209,8 +210,7 @@ class NestedStrata:
         k = mi.UInt32(0)
         while dr.hint(active & (k < N), max_iterations=SUM):
             d, L_p, f = self._light_sample(light, balance, si, first + k, active)
-            free = active & ~scene.ray_test(si.spawn_ray(d), active)
-            L_o += dr.select(free, L_p * f, 0)
+            L_o += arriving(scene, si, d, L_p * f, active)
             k += 1
         if dr.hint(self.allocation.any_bsdf_samples, mode="scalar"):
             seed = mix(self.points.seed ^ _LOBES)
@@ -218,8 +218,7 @@ class NestedStrata:
             k = mi.UInt32(0)
             while dr.hint(active & (k < K), max_iterations=SUM):
                 d, g, found = self._lobe_sample(light, balance, si, bsdf, first + k, seed, active)
-                free = found & ~scene.ray_test(si.spawn_ray(d), found)
-                L_g += dr.select(free, g, 0)
+                L_g += arriving(scene, si, d, g, found)
                 k += 1
         return L_o + L_g
 
@@ -258,7 +257,7 @@ class NestedStrata:
 
     def _shadowed(
         self,
-        scene: mi.Scene,
+        scene: Scene,
         si: mi.SurfaceInteraction3f,
         kept: Survivor,
         count: mi.UInt32,
@@ -274,7 +273,13 @@ class NestedStrata:
             share = dr.abs(target(g)) * mi.Float(count) / points.expected
             chance = dr.minimum(doubt * share / WORTH_A_RAY, 1)
             traced = lit & (unit_float(random) < chance)
-        hit = scene.ray_test(si.spawn_ray(kept.d), traced)
+        ray = si.spawn_ray(kept.d)
+        if isinstance(scene, Obstacles):
+            V = scene.visible(ray, traced)
+            hit = unit_float(mix(random)) >= target(V)  # what is learned of rays is whether they get through
+        else:
+            hit = scene.ray_test(ray, traced)
+            V = dr.select(hit, 0, 1)
         points.visibility.note(kept.d, hit, traced)
-        found = dr.select(traced, (dr.select(hit, 0, 1) - V_hat) / chance, 0)
+        found = dr.select(traced, (V - V_hat) / chance, 0)
         return dr.select(lit, g * (V_hat + found), 0)

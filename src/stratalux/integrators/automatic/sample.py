@@ -13,6 +13,7 @@ from ...sampling.recording import one_at_a_time
 from ..common import DirectIntegrator
 from ..environment import MapCache, MapLight
 from ..light_samples import FreshLight
+from ..straight import Arrival, Scene
 from .lobes import Allocation
 from .nested_strata import NestedStrata, PixelPoints
 from .variate import MatteVariate
@@ -66,7 +67,7 @@ class AutomaticSample(DirectIntegrator):
 
     def environment_light(
         self,
-        scene: mi.Scene,
+        scene: Scene,
         light: AllocatedLight,
         sampler: mi.Sampler | PixelPoints,
         si: mi.SurfaceInteraction3f,
@@ -79,6 +80,10 @@ class AutomaticSample(DirectIntegrator):
         strata = NestedStrata(light.allocation, points, samples, variate)
         estimate = strata.differentiable if light.differentiated else strata.estimate
         return estimate(scene, light, si, bsdf, active)
+
+    def weigh(self, sampler: mi.Sampler | PixelPoints, seen: Arrival) -> None:
+        if isinstance(sampler, PixelPoints):
+            sampler.difference = seen.reflected(sampler.difference)
 
     def to_string(self) -> str:
         return "DirectStratified[automatic]"
