@@ -12,7 +12,8 @@ import numpy as np
 
 from ...errors import InputError
 from ..model import Model
-from .text import numbers, part_of_polygons, plain_text, without_comments
+from .surface import Table, parts_of_polygons
+from .text import numbers, plain_text, without_comments
 
 _HEADER = re.compile(rb"\s*(?:(ST)?(C)?(N)?(4)?(n)?(?:OFF|off))?")
 
@@ -51,8 +52,8 @@ def read(path: Path) -> Model:
     if sizes.min(initial=0) < 0 or any(len(c) < size for c, size in zip(corners, sizes.tolist(), strict=True)):
         raise InputError(f"{path}: a face has less corners than it declares; export it again")
     indices = numbers(b" ".join([b" ".join(each) for each in corners]), np.int64)
-    normals = _columns(rows, size, size + 3) if has_normals else None
-    return Model.of(part_of_polygons(path, vertices, indices, sizes, normals))
+    normals = Table(_columns(rows, size, size + 3)) if has_normals else None
+    return Model.of(*parts_of_polygons(path, vertices, indices, sizes, normals=normals))
 
 
 def _columns(rows: list[list[bytes]], start: int, stop: int) -> np.ndarray:

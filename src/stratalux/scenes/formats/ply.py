@@ -17,7 +17,8 @@ import numpy as np
 from ...errors import InputError, SceneWarning
 from ..model import Floats, Indices, Model
 from ..polygons import strip
-from .text import numbers, part_of_polygons, plain_text
+from .surface import Table, parts_of_polygons
+from .text import numbers, plain_text
 
 # The letters of the types in `struct` and in NumPy alike.
 _TYPES = {
@@ -72,7 +73,9 @@ def read(path: Path) -> Model:
     if vertices is None:
         raise InputError(f"{path}: it has no vertices with the properties x, y and z; export it as a triangle surface")
     corners, sizes = _faces(tables)
-    return Model.of(part_of_polygons(path, vertices, corners, sizes, _columns(vertex, "nx", "ny", "nz")))
+    normals = _columns(vertex, "nx", "ny", "nz")
+    table = None if normals is None else Table(normals)
+    return Model.of(*parts_of_polygons(path, vertices, corners, sizes, normals=table))
 
 
 def _header(path: Path, data: bytes) -> tuple[str, list[_Element], int]:
