@@ -1,5 +1,8 @@
 """STL: the triangles of a file, binary or as text. Its normals are those of the triangles, and are not looked at.
 
+Nor are the two bytes behind each triangle: some programs keep a colour in them, in one of two ways that cannot be told
+apart.
+
 Source: M. Burns, "Automated Fabrication" (1993), section 6.5.
 """
 
