@@ -118,6 +118,7 @@ def test_images_multiply_colours(folder: Path) -> None:
     found = material(folder, "Kd 0.5 1 1; map_Kd wood.png; map_Ks wood.png; map_Ke -mm 0.5 2 sky.exr; Ke 3 3 3")
     assert found.base_colour.factor == (0.5, 1, 1) and texture(found.base_colour).curve == "srgb"
     assert texture(found.base_colour).picture.path == folder / "wood.png"
+    assert texture(found.base_colour).picture is texture(found.specular_colour).picture  # and is read once
     assert found.specular == ONE and found.specular_colour.factor == (2, 2, 2)
     assert texture(found.emission).curve == "linear"  # high dynamic range
     assert found.emission.factor == (6, 6, 6) and found.emission.offset == (1.5, 1.5, 1.5)

@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ....errors import SceneWarning
-from ...model import NONE, ONE, WHITE, Colour, Material, SpecularGlossiness, Value
+from ...model import NONE, ONE, WHITE, Colour, Material, Picture, SpecularGlossiness, Value
 from ..text import plain_text, word
 from .textures import Map, texture_map
 
@@ -40,8 +40,9 @@ def read_materials(path: Path, folder: Path) -> dict[str, Material]:
     """
     notes: dict[str, list[str]] = {}
     found: dict[str, Material] = {}
+    pictures: dict[Path, Picture] = {}
     for name, said in _statements(path, notes):
-        found[name] = _Terms(name, said, path.parent, folder, notes).material()
+        found[name] = _Terms(name, said, path.parent, folder, notes, pictures).material()
     for note, names in notes.items():
         names = list(dict.fromkeys(names))
         more = f" and {len(names) - 3} others" if len(names) > 3 else ""
@@ -75,8 +76,17 @@ def _statements(path: Path, notes: dict[str, list[str]]) -> Iterator[tuple[str, 
 class _Terms:
     """What is said of one material."""
 
-    def __init__(self, name: str, said: dict[str, str], base: Path, folder: Path, notes: dict[str, list[str]]) -> None:
-        self._name, self._said, self._base, self._folder, self._notes = name, said, base, folder, notes
+    def __init__(
+        self,
+        name: str,
+        said: dict[str, str],
+        base: Path,
+        folder: Path,
+        notes: dict[str, list[str]],
+        pictures: dict[Path, Picture],
+    ) -> None:
+        self._name, self._said, self._base, self._folder = name, said, base, folder
+        self._notes, self._pictures = notes, pictures
 
     def material(self) -> Material:
         """The material that these terms are closest to."""
@@ -232,7 +242,7 @@ class _Terms:
     def _map(self, key: str, colour: bool) -> Map | None:
         if not self._said.get(key):
             return None
-        found = texture_map(self._said[key], self._base, self._folder, colour)
+        found = texture_map(self._said[key], self._base, self._folder, colour, self._pictures)
         if isinstance(found, str):
             self._note(f"the texture {found!r} is not there, and left out")
             return None

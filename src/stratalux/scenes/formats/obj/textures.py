@@ -49,10 +49,11 @@ def parsed(said: str) -> tuple[dict[str, list[str]], str]:
     return options, rest
 
 
-def texture_map(said: str, base: Path, folder: Path, colour: bool) -> Map | str:
+def texture_map(said: str, base: Path, folder: Path, colour: bool, pictures: dict[Path, Picture]) -> Map | str:
     """What a statement says, with the file that it names, or the name of a file that is not there.
 
-    `base`: where the MTL file is; `folder`: that of the OBJ file, below which images are looked for.
+    `base`: where the MTL file is; `folder`: that of the OBJ file, below which images are looked for; `pictures`: those
+    that are known, so that each is read once.
     """
     options, name = parsed(said)
     path = file_beside(folder, name, base)
@@ -62,7 +63,7 @@ def texture_map(said: str, base: Path, folder: Path, colour: bool) -> Map | str:
     (su, sv), (ou, ov) = _pair(options.get("-s", []), 1.0), _pair(options.get("-o", []), 0.0)
     wrap: Literal["clamp", "repeat"] = "clamp" if options.get("-clamp") == ["on"] else "repeat"
     texture = Texture(
-        Picture(path.name, path),
+        pictures.setdefault(path, Picture(path.name, path)),
         "srgb" if colour and path.suffix.lower() not in _HIGH_RANGE else "linear",
         (wrap, wrap),
         transform=((su, 0.0, ou), (0.0, sv, 1 - sv - ov)),

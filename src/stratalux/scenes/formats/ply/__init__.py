@@ -1,10 +1,10 @@
 """PLY: the faces and the triangle strips of a file, with its normals, colours, coordinates of textures, and textures.
 
 Source: G. Turk, "The PLY Polygon File Format" (1994). The names of what it leaves open are those of MeshLab, Blender
-and of photogrammetry: `red green blue alpha` of vertices or faces, `s t` (or `u v`, `texture_u texture_v`) of vertices, and
-lists `texcoord` of faces, with an image for each `texnumber` in comments `TextureFile NAME`. Colours of whole numbers
-follow the curve of sRGB, those of floating-point numbers are linear. All three say the same, more or less finely: where
-there is a texture, no colours are shown, and where vertices have some, not those of faces.
+and of photogrammetry: `red green blue alpha` of vertices or faces, `s t` (or `u v`, `texture_u texture_v`) of
+vertices, and lists `texcoord` of faces, with an image for each `texnumber` in comments `TextureFile NAME`. Colours of
+whole numbers follow the curve of sRGB, those of floating-point numbers are linear. All three say the same, more or less
+finely: where there is a texture, no colours are shown, and where vertices have some, not those of faces.
 """
 
 from __future__ import annotations
