@@ -24,13 +24,14 @@ from stratalux.images.settings import OutputSettings
 from stratalux.rendering.settings import GROUPS, MachineSettings, SamplingSettings
 from stratalux.reproduce.request import ReproductionSettings
 from stratalux.scenes.materials import MATERIALS
-from stratalux.scenes.settings import UP_AXES, CameraSettings, SceneSettings
+from stratalux.scenes.settings import ENV_FRAMES, UP_AXES, CameraSettings, SceneSettings
 from stratalux.settings import Settings, command_line, option
 
 ALL = (*GROUPS.values(), ComparisonSettings, BenchSettings, ReproductionSettings)
 words = st.text(st.characters(exclude_characters="\0", exclude_categories=("Cs",)), min_size=1, max_size=9)
 names = words.filter(lambda text: "=" not in text and not text.startswith("-"))
 numbers = st.floats(-1e6, 1e6)
+lengths = st.floats(1e-6, 1e6)
 
 scenes = st.builds(
     SceneSettings,
@@ -39,13 +40,21 @@ scenes = st.builds(
     rotate=st.tuples(numbers, numbers, numbers),
     scale=st.floats(0, 1e6),
     material=st.sampled_from(list(MATERIALS)),
+    env_frame=st.sampled_from(list(ENV_FRAMES)),
     up=st.none() | st.sampled_from(UP_AXES),
     parameters=st.lists(st.tuples(names, words), max_size=3).map(tuple),
 )
 cameras = st.builds(
     CameraSettings,
     size=st.none() | st.tuples(st.integers(1, 16384), st.integers(1, 16384)),
-    sensor=st.integers(0, 9),
+    camera=st.sampled_from(["auto", "none"]),
+    orbit=st.none() | st.tuples(numbers, st.floats(-90, 90)) | st.tuples(numbers, st.floats(-90, 90), lengths),
+    look_at=st.none() | st.tuples(numbers, numbers, numbers),
+    fov=st.none() | st.floats(1, 170),
+    aperture=st.none() | st.floats(0, 1e6),
+    focus=st.none() | lengths,
+) | st.builds(
+    CameraSettings, camera=st.integers(0, 9) | words, aperture=st.none() | st.floats(0, 1e6), focus=st.none() | lengths
 )
 samplings = st.builds(
     SamplingSettings,
@@ -169,9 +178,27 @@ def test_numbers_of_numpy_and_paths_are_taken(tmp_path: Any) -> None:
         ({"size": (0, 4)}, "size 0x4: width and height must be at least 1 pixel"),
         ({"size": (65536, 65536)}, "size 65536x65536: too large"),
         ({"size": "big"}, "size: 'big' is not one"),
-        ({"material": "cheese"}, "material: 'cheese' is unknown; use one of diffuse"),
+        ({"material": "cheese"}, "material: 'cheese' is unknown; use one of clay"),
         ({"up": "up"}, "up: 'up' is unknown"),
         ({"environment": 3}, "environment: 3 is no map"),
+        ({"env_frame": "maya"}, "env_frame: 'maya' is unknown; use one of mitsuba, blender, three"),
+        ({"camera": -1}, "camera: -1 is none; give its name, its index, auto or none"),
+        ({"camera": True}, "camera: True is none"),
+        ({"camera": ""}, "camera: '' is none"),
+        ({"camera": "\ud800"}, "camera: .* is not UTF-8"),
+        ({"orbit": (1,)}, "is not an orbit; write AZIMUTH,ELEVATION"),
+        ({"orbit": 3}, "3 is not an orbit"),
+        ({"orbit": (0, 91)}, "orbit: an elevation of 91 degrees is beyond the zenith; give -90 to 90"),
+        ({"orbit": (0, 0, 0)}, "orbit: a distance of 0 is too small"),
+        ({"orbit": (0, float("nan"))}, "is not an orbit"),
+        ({"look_at": (1e30, 0, 0)}, "is not a point; write X,Y,Z"),
+        ({"look_at": (0, 0)}, "is not a point"),
+        ({"fov": 180}, "fov: 180.0 is too large; give at most 179"),
+        ({"aperture": -1}, "aperture: -1.0 is too small"),
+        ({"focus": 0}, "focus: 0.0 is too small"),
+        ({"camera": 1, "orbit": (0, 0)}, "camera '1' and orbit contradict each other"),
+        ({"camera": "left", "look_at": (0, 0, 0)}, "camera 'left' and look-at contradict each other"),
+        ({"camera": "left", "fov": 40}, "camera 'left' and fov contradict each other"),
         ({"parameters": 3}, "parameters: 3 is not a list"),
         ({"hide_emitters": 1}, "hide_emitters: 1 is not of type bool"),
         ({"technique": None}, "technique: None is not of type str"),

@@ -173,7 +173,7 @@ def test_a_technique_that_is_new_takes_part(cache: Path, monkeypatch: pytest.Mon
         (("direct",), {"repeats": 0}, "repeats: 0"),
         (("direct",), {"reference_spp": 0}, "reference_spp: 0"),
         (("direct",), {"seed": 1 << 16}, "seed"),
-        (("direct",), {"sensor": 1}, "sensor 1"),
+        (("direct",), {"camera": 1}, "camera '1'"),
     ],
 )
 def test_bad_requests(cache: Path, entries: tuple[str, ...], options: dict[str, Any], words: str) -> None:

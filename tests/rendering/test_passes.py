@@ -85,8 +85,8 @@ def test_metadata_is_in_the_file(tmp_path: Path) -> None:
 
 
 def test_bad_requests() -> None:
-    with pytest.raises(InputError, match="sensor 3: the scene has 1"):
-        stratalux.render(scene(), sensor=3)
+    with pytest.raises(InputError, match=r"camera '3': there is none; give one of 0 \('sensor'\)"):
+        stratalux.render(scene(), camera=3)
     with pytest.raises(InputError, match="strata: -1 is too small"):
         stratalux.render(scene(), strata=-1)
     mi.set_variant("scalar_rgb")

@@ -10,7 +10,8 @@ import pytest
 import trimesh
 
 from stratalux.errors import InputError, SceneWarning
-from stratalux.scenes.mesh import FORMATS, TriangleMesh, load_mesh, smooth_shaded
+from stratalux.scenes.mesh import TriangleMesh, smooth_shaded
+from stratalux.scenes.shapes import FORMATS, load_mesh
 from tests.helpers import asset
 from tests.scenes.formats.gltf_files import Gltf
 

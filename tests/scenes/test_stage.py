@@ -11,9 +11,12 @@ import pytest
 import trimesh
 
 from stratalux.errors import InputError
+from stratalux.scenes.assembly import to_mitsuba
+from stratalux.scenes.camera import MARGIN
 from stratalux.scenes.materials import MATERIALS, material
-from stratalux.scenes.mesh import TriangleMesh, load_mesh, smooth_shaded
-from stratalux.scenes.stage import MARGIN, stage, standing, to_mitsuba
+from stratalux.scenes.mesh import TriangleMesh, smooth_shaded
+from stratalux.scenes.shapes import load_mesh
+from stratalux.scenes.stage import stage, standing
 from tests.helpers import asset
 
 SKY = {"type": "constant"}
@@ -150,7 +153,7 @@ def test_materials_are_copies() -> None:
 
 
 def test_an_unknown_material_is_an_input_error() -> None:
-    with pytest.raises(InputError, match="material 'wood' is unknown; use one of diffuse, plastic, .*mirror"):
+    with pytest.raises(InputError, match="material 'wood' is unknown; use one of clay, diffuse, plastic, .*mirror"):
         material("wood")
 
 

@@ -77,7 +77,7 @@ def measure_floor(suite: Suite, assets: Assets, fraction: Callable[[float], None
                 integrator=integrator,
                 spp=suite.floor_spp,
                 seed=k * SEED_STEP,
-                sensor=setting.cameras[_SAMPLER],
+                camera=setting.cameras[_SAMPLER],
             )
             if k:
                 seconds[name].append(result.seconds)

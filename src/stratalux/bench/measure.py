@@ -77,7 +77,7 @@ class Arena:
             integrator=self._integrators[configuration],
             spp=spp,
             seed=seed,
-            sensor=self.setting.cameras[configuration.sampler],
+            camera=self.setting.cameras[configuration.sampler],
         )
         self.preparation.setdefault(configuration, (result.preparation_seconds, result.compile_seconds))
         return Shot(result.spp, result.seconds, result.image)

@@ -19,7 +19,7 @@ from ..maps.envmap import EnvironmentMap
 from ..rendering.passes import render
 from ..scenes.load import envmap, load_scene
 from ..scenes.materials import material
-from ..scenes.mesh import load_mesh
+from ..scenes.shapes import load_mesh
 from ..scenes.stage import SAMPLERS, stage
 from .cases import FLIPPED, Case, Suite
 
@@ -69,7 +69,7 @@ def load_setting(case: Case, suite: Suite, assets: Assets) -> Setting:
 
 
 def _mean(scene: mi.Scene, camera: int, surface: Mask, case: Case) -> float:
-    image = render(scene, integrator=mi.load_dict({"type": "direct"}), spp=_EXPOSURE_SPP, sensor=camera).image
+    image = render(scene, integrator=mi.load_dict({"type": "direct"}), spp=_EXPOSURE_SPP, camera=camera).image
     mean = float((image[surface] if surface.any() else image).mean(dtype=np.float64))
     if not (np.isfinite(mean) and mean > 0):
         raise InputError(f"case {case.name}: the image is black or not finite; is {case.map} a map with light in it?")

@@ -23,6 +23,7 @@ from ..images.metrics import Mask, why_no_flip
 from ..integrators.techniques import parse_technique
 from ..rendering.passes import activate
 from ..rendering.settings import MachineSettings
+from ..scenes.camera import own_camera
 from ..scenes.load import load
 from ..scenes.settings import CameraSettings, SceneSettings
 from ..settings import Settings, command_line, documented
@@ -102,13 +103,14 @@ def run_comparison(
     if shown is not None:
         machine = activate(machine)
         parse_entries(chosen.techniques)  # before a large scene is loaded
-        scene = load(shown, camera, machine.max_memory).scene
+        loaded = load(shown, camera, machine.max_memory)
+        scene, sensor = loaded.scene, loaded.camera
         name = name or Path(shown.source).stem
+    else:
+        sensor = own_camera(camera, scene)
     contestants = parse_entries(chosen.techniques)
-    rays, spp, repeats, seed, sensor = chosen.rays, chosen.spp, chosen.repeats, chosen.seed, camera.sensor
+    rays, spp, repeats, seed = chosen.rays, chosen.spp, chosen.repeats, chosen.seed
     reference_spp = chosen.reference_spp
-    if sensor >= len(scene.sensors()):
-        raise InputError(f"sensor {sensor}: the scene has {len(scene.sensors())}; add one or choose another")
     # All are loaded before any work is done: bad properties show at once.
     fields = [[Contender.at(scene, sensor, entry, n, spp) for entry in contestants] for n in rays]
     estimator = choose_estimator({entry.technique.plugin for entry in contestants})

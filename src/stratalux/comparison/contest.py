@@ -50,7 +50,7 @@ class Contender:
         return cls(scene, sensor, entry, rays, properties, spp * factor)
 
     def render(self, seed: int) -> RenderResult:
-        return render(self.scene, integrator=self.integrator, spp=self.spp, seed=seed, sensor=self.sensor)
+        return render(self.scene, integrator=self.integrator, spp=self.spp, seed=seed, camera=self.sensor)
 
     def warm_up(self, seed: int) -> float:
         """Compile and prepare; the seconds that rendering took."""

@@ -143,7 +143,7 @@ def make_reference(
     squares = mean
     start = time.perf_counter()
     for k in range(PASSES):
-        image = pixels(render(scene, integrator=integrator, spp=each, seed=SEED + k * SEED_STEP, sensor=sensor))
+        image = pixels(render(scene, integrator=integrator, spp=each, seed=SEED + k * SEED_STEP, camera=sensor))
         # Welford's update: no difference of large numbers.
         difference = image - mean
         mean = mean + difference / (k + 1)

@@ -74,7 +74,7 @@ def read_image(path: str | Path, max_memory: int | None = None, reader: Reader |
     """
     path = Path(path)
     most = default_memory() if max_memory is None else max_memory
-    with _one_line(path), nullcontext(reader) if reader is not None else Reader() as process:
+    with one_line_errors(path), nullcontext(reader) if reader is not None else Reader() as process:
         return _radiance(path, most, process) if radiance.is_radiance(path) else _image(path, most, process)
 
 
@@ -84,20 +84,21 @@ def read_text(path: str | Path, name: str) -> str | None:
     Raises :class:`InputError` as :func:`read_image`.
     """
     path = Path(path)
-    with _one_line(path), Reader() as process:
+    with one_line_errors(path), Reader() as process:
         found = process.parts(path)[0]["attributes"].get(name)
     return None if found is None else str(found)
 
 
 @contextmanager
-def _one_line(path: Path) -> Iterator[None]:
-    """Whatever goes wrong with a file is an :class:`InputError` of one line."""
+def one_line_errors(path: Path, name: str | None = None) -> Iterator[None]:
+    """Whatever goes wrong with a file is an :class:`InputError` of one line, which calls it by its path or `name`."""
+    name = shown(path) if name is None else name
     try:
         found = path.is_file()
     except OSError as error:  # a name that is too long
-        raise InputError(f"{shown(path)}: {error.strerror or error}") from None
+        raise InputError(f"{name}: {error.strerror or error}") from None
     if not found:
-        raise InputError(f"{shown(path)}: no such file; give an image ({', '.join(SUFFIXES[:3])}, ...)")
+        raise InputError(f"{name}: no such file; give an image ({', '.join(SUFFIXES[:3])}, ...)")
     try:
         yield
     except InputError:
@@ -105,7 +106,7 @@ def _one_line(path: Path) -> Iterator[None]:
     except (ReadError, ValueError, MemoryError, OSError, IndexError) as error:
         reason = " ".join(str(error).split()).replace(str(path.absolute()), "the file").rstrip(".")
         reason = re.sub(r"EXR Error \(the file\): (EXR_\w+ )?", "", reason)
-        raise InputError(f"{path}: cannot be read as an image ({reason[:200]}); copy or export it again") from None
+        raise InputError(f"{name}: cannot be read as an image ({reason[:200]}); copy or export it again") from None
 
 
 def _image(path: Path, most: int, reader: Reader) -> Image:
@@ -116,7 +117,7 @@ def _image(path: Path, most: int, reader: Reader) -> Image:
     part = parts[choice.part]
     attributes, kind = part["attributes"], part["types"][choice.channels[0]]
     columns, rows, window = _windows(path, part)
-    _check_size(path, part, window[2:], most)
+    check_size(path, part, window[2:], most)
     pixels = reader.pixels(path, part, choice.part, choice.channels, columns, rows)
     image = Image(_framed(pixels, columns, rows, window))
     image.said += [choice.said] if choice.said else []
@@ -130,7 +131,7 @@ def _image(path: Path, most: int, reader: Reader) -> Image:
     if str(attributes.get("textureformat", "")).startswith("CubeFace"):
         image.cube = True
         _repaired(image)
-    image.pixels = _oriented(image.pixels, *_ORIENTATIONS.get(attributes.get("Orientation", 1), (False, False, False)))
+    image.pixels = oriented(image.pixels, part)
     return image
 
 
@@ -227,7 +228,7 @@ def _check_memory(path: Path, size: Sequence[int], most: int) -> None:
         )
 
 
-def _check_size(path: Path, part: dict[str, Any], size: Sequence[int], most: int) -> None:
+def check_size(path: Path, part: dict[str, Any], size: Sequence[int], most: int) -> None:
     """That the picture fits in memory, and that what the header says of its size can be true of the file."""
     width, height = part["data"][2:]
     _check_memory(path, size, most)
@@ -319,7 +320,12 @@ def _repaired(image: Image) -> None:
         image.said.append(said)
 
 
-def _oriented(pixels: NDArray[np.float32], turned: bool, rows: bool, columns: bool) -> NDArray[np.float32]:
+def oriented(pixels: NDArray[Any], part: dict[str, Any]) -> NDArray[Any]:
+    """``pixels`` as they are to be seen, by what a file says of its orientation."""
+    return _oriented(pixels, *_ORIENTATIONS.get(part["attributes"].get("Orientation", 1), (False, False, False)))
+
+
+def _oriented(pixels: NDArray[Any], turned: bool, rows: bool, columns: bool) -> NDArray[Any]:
     """``pixels`` with rows for columns if ``turned``; then, ``rows`` and ``columns`` in reverse."""
     if turned:
         pixels = pixels.swapaxes(0, 1)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..images.files import write_image
 from ..integrators.techniques import Value, parse_technique
+from ..scenes.camera import own_camera
 from ..scenes.load import load
 from ..settings import documented
 from .settings import GROUPS, LARGEST_SEED, METADATA, MachineSettings, PictureSettings, SamplingSettings
@@ -102,13 +103,14 @@ def render_passes(
     """
     picture = scene if isinstance(scene, PictureSettings) else _settings(scene, settings)
     shown = picture.scene
+    chosen = None
     if shown is not None:
         picture = replace(picture, machine=activate(picture.machine))
         loaded = load(shown, picture.camera, picture.machine.max_memory)
-        scene = loaded.scene
+        scene, chosen = loaded.scene, loaded.camera
         if loaded.hide_emitters:
             picture = replace(picture, sampling=replace(picture.sampling, hide_emitters=True))
-    return _render_passes(scene, picture, integrator)
+    return _render_passes(scene, chosen, picture, integrator)
 
 
 def _settings(scene: Any, settings: dict[str, Any]) -> PictureSettings:
@@ -125,21 +127,19 @@ def activate(machine: MachineSettings) -> MachineSettings:
 
 
 def _render_passes(
-    scene: mi.Scene, picture: PictureSettings, integrator: mi.Integrator | None
+    scene: mi.Scene, chosen: int | None, picture: PictureSettings, integrator: mi.Integrator | None
 ) -> Iterator[RenderResult]:
     if mi.variant() is None or mi.variant().startswith("scalar"):
         raise InputError(
             f"variant {mi.variant()}: rendering needs a vectorised one; mitsuba.set_variant('llvm_ad_rgb')"
         )
-    sensor, sampling = picture.camera.sensor, picture.sampling
-    if sensor >= len(scene.sensors()):
-        raise InputError(f"sensor {sensor}: the scene has {len(scene.sensors())}; add one or choose another")
+    camera = scene.sensors()[own_camera(picture.camera, scene) if chosen is None else chosen]
+    sampling = picture.sampling
     about: dict[str, Value] = {}
     rays_per_sample = 2
     own = integrator is not None
     if integrator is None:
         integrator, about, rays_per_sample = _integrator(sampling)
-    camera = scene.sensors()[sensor]
     film = camera.film()
     spp = sampling.spp or camera.sampler().sample_count()
     picture = replace(

@@ -85,7 +85,7 @@ class PictureSettings(Settings):
             owner = next((name for name, kind in GROUPS.items() if key in {f.name for f in fields(kind)}), None)
             if owner is None:
                 raise InputError(f"setting '{key}' is unknown; see help(stratalux.render)")
-            if source is None and (owner == "scene" or key == "size"):
+            if source is None and (owner == "scene" or (owner == "camera" and key != "camera")):
                 raise InputError(f"setting '{key}': the scene is loaded already; give it to load_scene")
             groups[owner][key] = value
         made = {name: kind(**groups[name]) for name, kind in GROUPS.items() if name != "scene"}

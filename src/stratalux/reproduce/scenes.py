@@ -17,7 +17,8 @@ from ..maps.envmap import EnvironmentMap
 from ..maps.geometry import texel_solid_angle
 from ..scenes.load import envmap
 from ..scenes.materials import material
-from ..scenes.mesh import TriangleMesh, load_mesh
+from ..scenes.mesh import TriangleMesh
+from ..scenes.shapes import load_mesh
 from ..scenes.stage import GROUND_REFLECTANCE, stage
 from .settings import Settings
 from .view import View

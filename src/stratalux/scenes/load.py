@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,14 @@ from ..images.repair import LIMIT
 from ..integrators.environment import image_emitter
 from ..maps.envmap import EnvironmentMap
 from ..settings import documented
+from .assembly import assembled
+from .camera import own_camera, sensor
 from .demo import demo_scene
-from .materials import material as material_by_name
-from .mesh import FORMATS, load_mesh
+from .lamps import dome_emitter
 from .mitsuba_xml import load_xml
-from .settings import CameraSettings, SceneSettings
-from .stage import stage
+from .settings import ENV_FRAMES, CameraSettings, SceneSettings
+from .shapes import FORMATS, Object, load_object
+from .stage import matte_ground
 
 USUAL_SIZE = (600, 400)
 _LARGE = 1e6
@@ -31,7 +33,7 @@ _LARGE = 1e6
 @documented(SceneSettings, CameraSettings, without=("source",))
 def load_scene(
     source: str | Path | SceneSettings,
-    camera: CameraSettings | None = None,
+    seen: CameraSettings | None = None,
     *,
     max_memory: int | None = None,
     **settings: Any,
@@ -40,24 +42,29 @@ def load_scene(
 
     A mesh is framed on a ground plane in ``material``, and needs an ``environment``: the file of a map, or an
     :class:`EnvironmentMap`. Elsewhere the map replaces the scene's own, in its orientation. ``rotate`` (degrees about
-    the world's x, y and z axes, in that order) and ``scale`` come on top of what the scene says. ``size``: (width,
-    height) of the film in pixels. ``parameters``: values of ``$name`` in the XML file. ``max_memory``: bytes that the
-    pixels of the map may take, see :meth:`.EnvironmentMap.load`.
+    the world's x, y and z axes, in that order) and ``scale`` come on top of what the scene says, ``env_frame`` before
+    it. ``size``: (width, height) of the film in pixels. An XML scene keeps all of its cameras: tell ``render``, too,
+    which ``camera`` it is. ``parameters``: values of ``$name`` in the XML file. ``max_memory``: bytes that the pixels
+    of the map may take, see :meth:`.EnvironmentMap.load`. ``seen``: settings of the camera, instead of keywords.
 
     Raises :class:`InputError` with one line that says what is wrong.
     """
     if not isinstance(source, SceneSettings):
-        seen = {name: settings.pop(name) for name in ("size", "sensor") if name in settings}
-        source, camera = SceneSettings(str(source), **settings), camera or CameraSettings(**seen)
-    return load(source, camera or CameraSettings(), max_memory).scene
+        asked = {f.name: settings.pop(f.name) for f in fields(CameraSettings) if f.name in settings}
+        source, seen = SceneSettings(str(source), **settings), seen or CameraSettings(**asked)
+    return load(source, seen or CameraSettings(), max_memory).scene
 
 
 @dataclass(frozen=True)
 class Loaded:
-    """A scene, and what its file says besides: ``hide_emitters``, of the integrator that is replaced."""
+    """A scene, and what its file says besides: ``hide_emitters``, of the integrator that is replaced.
+
+    ``camera``: index of the sensor that is asked for.
+    """
 
     scene: mi.Scene
     hide_emitters: bool = False
+    camera: int = 0
 
 
 def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = None) -> Loaded:
@@ -68,21 +75,54 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
     emitter = None if environment is None else envmap(environment)
     path, size = Path(shown.source), camera.size or USUAL_SIZE
     suffix = path.suffix.lower()
-    hide_emitters = False
+    hide_emitters, chosen = False, 0
     if shown.source == "demo":
-        scene = mi.load_dict(demo_scene(size, emitter=emitter))
+        scene = mi.load_dict(_seen(camera, demo_scene(size, emitter=emitter), size))
     elif suffix == ".xml":
         bitmap = emitter and emitter["bitmap"]
         scene, hide_emitters = load_xml(path, bitmap, camera.size, shown.definitions)
+        chosen = own_camera(camera, scene)
     elif suffix in FORMATS:
-        if emitter is None:
-            raise InputError(f"{path}: a mesh brings no light; give an environment map with --env MAP")
-        scene = mi.load_dict(stage(load_mesh(path, shown.up), material_by_name(shown.material), emitter, size))
+        found = load_object(path, shown.up)
+        scene = _of_object(path, found, shown, camera, emitter, max_memory)
     else:
         known = ", ".join((".xml", *sorted(FORMATS)))
         raise InputError(f"{path}: unknown kind of scene; give {known}, or demo")
-    _orient(scene, shown.rotate, shown.scale)
-    return Loaded(scene, hide_emitters)
+    _orient(scene, shown.rotate, shown.scale, ENV_FRAMES[shown.env_frame])
+    return Loaded(scene, hide_emitters, chosen)
+
+
+def _seen(camera: CameraSettings, staged: dict[str, Any], size: tuple[int, int]) -> dict[str, Any]:
+    """The scene of a stage, seen from where the settings say."""
+    if not camera.changed().keys() - {"size"}:
+        return staged
+    points = mi.traverse(staged["object"])["vertex_positions"].numpy().reshape(-1, 3)
+    return {**staged, "sensor": sensor(camera, points, (), size)}
+
+
+def _of_object(
+    path: Path,
+    found: Object,
+    shown: SceneSettings,
+    camera: CameraSettings,
+    emitter: dict[str, Any] | None,
+    max_memory: int | None,
+) -> mi.Scene:
+    """The scene of a file that is none itself: an object on a ground, in front of a camera, and its own lights."""
+    if emitter is None and (dome := next((light for light in found.lights if light.kind == "dome"), None)):
+        emitter = dome_emitter(path, dome, max_memory)
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "sensor": sensor(camera, found.points(), found.cameras, camera.size or USUAL_SIZE),
+            **assembled(path, found, shown.material, max_memory),
+            "ground": matte_ground(found.bounds),
+            **({} if emitter is None else {"emitter": emitter}),
+        }
+    )
+    if not scene.emitters():
+        raise InputError(f"{path}: an object without lights; give an environment map with --env MAP")
+    return scene
 
 
 def envmap(environment: EnvironmentMap) -> dict[str, Any]:
@@ -90,9 +130,9 @@ def envmap(environment: EnvironmentMap) -> dict[str, Any]:
     return {"type": "envmap", "bitmap": mi.Bitmap(environment.texels)}
 
 
-def _orient(scene: mi.Scene, rotate: tuple[float, float, float], scale: float) -> None:
-    """Turn and scale the scene's environment map."""
-    if not any(rotate) and scale == 1:
+def _orient(scene: mi.Scene, rotate: tuple[float, float, float], scale: float, turn: float) -> None:
+    """Turn and scale the scene's environment map, whose tool has it turned by ``turn`` degrees about y."""
+    if not (any(rotate) or turn) and scale == 1:
         return
     emitter = image_emitter(scene)
     if emitter is None:
@@ -101,7 +141,9 @@ def _orient(scene: mi.Scene, rotate: tuple[float, float, float], scale: float) -
     rotation = mi.ScalarTransform4f()
     for axis, angle in zip(np.eye(3).tolist(), rotate, strict=True):
         rotation = mi.ScalarTransform4f().rotate(axis, math.fmod(angle, 360)) @ rotation
-    params["to_world"] = type(params["to_world"])(rotation.matrix) @ params["to_world"]
+    frame = mi.ScalarTransform4f().rotate([0, 1, 0], turn)
+    kind = type(params["to_world"])
+    params["to_world"] = kind(rotation.matrix) @ params["to_world"] @ kind(frame.matrix)
     params["scale"] = params["scale"] * scale
     if scale > _LARGE and np.abs(params["data"].numpy()).max() * float(dr.slice(params["scale"], 0)) > LIMIT:
         raise InputError(f"brightness of the map: {scale:g} times it is more than can be reckoned with; give less")

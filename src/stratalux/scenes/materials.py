@@ -32,10 +32,13 @@ def _colour(red: float, green: float, blue: float) -> dict[str, Any]:
     return {"type": "rgb", "value": [red, green, blue]}
 
 
+_MATTE = {"type": "diffuse", "reflectance": _colour(0.5, 0.5, 0.5)}
+
 MATERIALS: dict[str, Material] = {
+    "clay": Material("matte grey, reflectance 0.5, for what has no look", _two_sided(_MATTE)),
     "diffuse": Material(
         "matte grey, reflectance 0.5",
-        _two_sided({"type": "diffuse", "reflectance": _colour(0.5, 0.5, 0.5)}),
+        _two_sided(_MATTE),
     ),
     "plastic": Material(
         "rough plastic, GGX 0.14: matte colour under a soft gloss",

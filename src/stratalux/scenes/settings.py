@@ -17,6 +17,10 @@ LARGEST_SIDE = 1 << 16
 MOST_PIXELS = 1 << 28
 MOST_SCALE = 1e30
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
+ENV_FRAMES = {"mitsuba": 0.0, "blender": 90.0, "three": 90.0}
+"""Degrees about +y by which a map is turned to stand as in that tool; docs/conventions.md says why."""
+LEAST_FOV, MOST_FOV = 0.01, 179.0
+LEAST_LENGTH, MOST_LENGTH = 1e-9, 1e15
 
 
 def _size(value: Any) -> tuple[int, int]:
@@ -64,6 +68,49 @@ def _parse_rotation(text: str) -> tuple[float, float, float]:
     return angles[0], angles[1], angles[2]
 
 
+def _camera(value: Any) -> str:
+    if hasattr(value, "__index__") and not isinstance(value, bool) and value.__index__() >= 0:
+        return str(value.__index__())
+    if not isinstance(value, str) or not value:
+        raise InputError(f"camera: {value!r} is none; give its name, its index, auto or none")
+    return _utf8(value, "camera")
+
+
+def _numbers(value: Any, what: str) -> tuple[float, ...]:
+    """Numbers that can be reckoned with; raises :class:`InputError` that says what is needed."""
+    try:
+        numbers = tuple(float(number) for number in (value.split(",") if isinstance(value, str) else value))
+    except (TypeError, ValueError):
+        numbers = ()
+    if not numbers or not all(abs(number) <= MOST_LENGTH for number in numbers):
+        raise InputError(f"{value!r} is not {what}")
+    return numbers
+
+
+def _orbit(value: Any) -> tuple[float, ...]:
+    what = "an orbit; write AZIMUTH,ELEVATION in degrees, or AZIMUTH,ELEVATION,DISTANCE, for example 30,17"
+    numbers = _numbers(value, what)
+    if len(numbers) not in (2, 3):
+        raise InputError(f"{value!r} is not {what}")
+    if abs(numbers[1]) > 90:
+        raise InputError(f"orbit: an elevation of {numbers[1]:g} degrees is beyond the zenith; give -90 to 90")
+    if len(numbers) == 3 and numbers[2] < LEAST_LENGTH:
+        raise InputError(f"orbit: a distance of {numbers[2]:g} is too small; give at least {LEAST_LENGTH:g}")
+    return numbers
+
+
+def _point(value: Any) -> tuple[float, ...]:
+    what = "a point; write X,Y,Z, for example 0,1,0"
+    numbers = _numbers(value, what)
+    if len(numbers) != 3:
+        raise InputError(f"{value!r} is not {what}")
+    return numbers
+
+
+def _show_numbers(numbers: tuple[float, ...]) -> str:
+    return ",".join(f"{number!r}" for number in numbers)
+
+
 def check_source(source: str) -> None:
     """Make sure, before any work is done, that there is such a scene; raises :class:`InputError`."""
     if source == "demo":
@@ -88,9 +135,9 @@ def _definition(value: Any) -> tuple[str, str]:
     return _utf8(str(name)), _utf8(str(text))
 
 
-def _utf8(text: str) -> str:
+def _utf8(text: str, name: str = "parameters") -> str:
     if text.encode("utf-8", "replace").decode("utf-8") != text:
-        raise InputError(f"parameters: {text!r} is not UTF-8")
+        raise InputError(f"{name}: {text!r} is not UTF-8")
     return text
 
 
@@ -121,8 +168,11 @@ def _show_map(value: Any) -> str:
 
 
 SIZE = Kind("WxH", _parse_size, _size, lambda size: f"{size[0]}x{size[1]}", list)
-ROTATION = Kind("DEG|X,Y,Z|flip", _parse_rotation, _rotation, lambda angles: ",".join(f"{a!r}" for a in angles), list)
+ROTATION = Kind("DEG|X,Y,Z|flip", _parse_rotation, _rotation, _show_numbers, list)
 DEFINITION = Kind("name=value", _parse_definition, _definition, "=".join, list)
+CAMERA = Kind("NAME|INDEX|auto|none", _camera, _camera)
+ORBIT = Kind("AZ,EL[,DIST]", _orbit, _orbit, _show_numbers, list)
+POINT = Kind("X,Y,Z", _point, _point, _show_numbers, list)
 MAP = Kind("MAP", _map, _map, _show_map, _map_json)
 
 
@@ -139,17 +189,26 @@ class SceneSettings(Settings):
     )
     rotate: tuple[float, float, float] = option(
         (0.0, 0.0, 0.0),
-        "Turn the map: degrees about y, or about the world's x, y and z in that order, or flip.",
+        "Turn the map: degrees about y (counter-clockwise seen from above), or about the world's x, y and z in that "
+        "order, or flip.",
         "--env-rotate",
         kind=ROTATION,
     )
+    env_frame: str = option(
+        "mitsuba",
+        f"Let the map stand around the scene as in another tool, before it is turned: {', '.join(ENV_FRAMES)}.",
+        "--env-frame",
+        choices=tuple(ENV_FRAMES),
+        metavar="TOOL",
+    )
     scale: float = option(1.0, "Brightness of the map, a factor.", "--env-scale", minimum=0.0, maximum=MOST_SCALE)
-    material: str = option(
-        "diffuse",
-        f"Material of a mesh: {', '.join(MATERIALS)}.",
+    material: str | None = option(
+        None,
+        f"Material in place of those of the file: {', '.join(MATERIALS)}.",
         "--material",
         choices=tuple(MATERIALS),
         metavar="NAME",
+        default_text="what the file says, or clay",
     )
     up: str | None = option(
         None, "Axis of a mesh file that is up.", "--up", choices=UP_AXES, default_text="y, but z for .stl"
@@ -166,9 +225,70 @@ class SceneSettings(Settings):
 
 @dataclass(frozen=True)
 class CameraSettings(Settings):
-    """From where it is seen, and how large."""
+    """From where it is seen, and how large.
+
+    Raises :class:`InputError` for a camera of the file that is to stand elsewhere than the file says.
+    """
 
     size: tuple[int, int] | None = option(
         None, "Film in pixels.", "--size", kind=SIZE, default_text="the scene's own, or 600x400"
     )
-    sensor: int = option(0, "Index of the scene's camera.", "--sensor", minimum=0, maximum=(1 << 31) - 1)
+    camera: str = option(
+        "auto",
+        "Camera of the file: its name, or its index from 0; none: one that frames the object; auto: the file's first, "
+        "if it has any.",
+        "--camera",
+        kind=CAMERA,
+    )
+    orbit: tuple[float, ...] | None = option(
+        None,
+        "Instead, a camera around what is looked at: degrees from +z (counter-clockwise seen from above) and above the "
+        "horizon, and the distance, by default the closest that frames the object.",
+        "--orbit",
+        kind=ORBIT,
+        default_text="30,17",
+    )
+    look_at: tuple[float, ...] | None = option(
+        None,
+        "Point that this camera looks at, in the scene's units.",
+        "--look-at",
+        kind=POINT,
+        default_text="the object's middle",
+    )
+    fov: float | None = option(
+        None,
+        "Field of view of this camera in degrees, of the picture's shorter side.",
+        "--fov",
+        minimum=LEAST_FOV,
+        maximum=MOST_FOV,
+        default_text="30",
+    )
+    aperture: float | None = option(
+        None,
+        "Radius of the lens in the scene's units; what is out of focus gets blurred.",
+        "--aperture",
+        minimum=0.0,
+        maximum=MOST_LENGTH,
+        default_text="the file's camera's, or 0",
+    )
+    focus: float | None = option(
+        None,
+        "Distance that is sharp, along the axis of view.",
+        "--focus",
+        minimum=LEAST_LENGTH,
+        maximum=MOST_LENGTH,
+        default_text="the file's camera's, or the object's nearest point in the picture",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.placed and self.camera not in ("auto", "none"):
+            raise InputError(
+                f"camera '{self.camera}' and {self.placed[0].replace('_', '-')} contradict each other: the file says "
+                "where its cameras stand; leave one out"
+            )
+
+    @property
+    def placed(self) -> tuple[str, ...]:
+        """The settings that put a camera where no file says."""
+        return tuple(name for name in ("orbit", "look_at", "fov") if getattr(self, name) is not None)

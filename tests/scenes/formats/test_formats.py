@@ -14,7 +14,7 @@ import pytest
 import trimesh
 
 from stratalux.errors import InputError, SceneWarning
-from stratalux.scenes.mesh import load_mesh
+from stratalux.scenes.shapes import load_mesh
 from tests.helpers import PATIENCE
 from tests.scenes.formats.gltf_files import Gltf
 
@@ -103,7 +103,7 @@ def test_reading_a_file_imports_neither_trimesh_nor_scipy(tmp_path: Path) -> Non
     code = (
         "import sys\n"
         "from stratalux.scenes.load import load_scene\n"
-        "from stratalux.scenes.mesh import load_mesh\n"
+        "from stratalux.scenes.shapes import load_mesh\n"
         "from_start = {'mapbox_earcut', 'DracoPy'} & set(sys.modules)\n"
         "load_mesh('scene.glb')\n"
         "load_mesh('mesh.obj')\n"

@@ -22,8 +22,10 @@ from numpy.typing import NDArray
 from ...assets import Assets
 from ...errors import InputError
 from ...maps.envmap import EnvironmentMap
-from ...scenes.mesh import load_mesh, smooth_shaded
-from ...scenes.stage import FIELD_OF_VIEW_DEGREES, GROUND_RADIUS, GROUND_REFLECTANCE, camera_frame, standing
+from ...scenes.camera import FIELD_OF_VIEW_DEGREES, camera_frame
+from ...scenes.mesh import smooth_shaded
+from ...scenes.shapes import load_mesh
+from ...scenes.stage import GROUND_RADIUS, GROUND_REFLECTANCE, standing
 from ..cases import FLIPPED, Case
 from ..scenes import Setting
 

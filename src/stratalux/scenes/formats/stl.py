@@ -47,7 +47,7 @@ def _binary(path: Path, data: bytes, count: int) -> Model:
     if rest:
         warnings.warn(f"{path}: {rest} bytes behind the last triangle are ignored", SceneWarning, stacklevel=3)
     vertices = triangles["vertices"].reshape(-1, 3).astype(np.float64)
-    return Model.of(*parts_of_polygons(path, vertices, np.arange(3 * count), np.full(count, 3)))
+    return Model.of(*parts_of_polygons(path, vertices, np.arange(3 * count), np.full(count, 3)), up="z")
 
 
 def _text(path: Path, text: bytes) -> Model:
@@ -59,4 +59,4 @@ def _text(path: Path, text: bytes) -> Model:
     if b"endsolid" not in pieces[-1]:
         warnings.warn(f"{path}: it does not end with 'endsolid', and may be cut short", SceneWarning, stacklevel=3)
     vertices = numbers(b" ".join([b" ".join(piece.split(None, 3)[:3]) for piece in pieces[1:]])).reshape(-1, 3)
-    return Model.of(*parts_of_polygons(path, vertices, np.arange(len(vertices)), np.diff(ends, prepend=-1)))
+    return Model.of(*parts_of_polygons(path, vertices, np.arange(len(vertices)), np.diff(ends, prepend=-1)), up="z")

@@ -19,16 +19,17 @@ _MOST_ZEROS = 1 << 24
 """Elements of an accessor without data: it takes no bytes in the file, and a damaged one could ask for any memory."""
 
 
-def array(document: Document, index: int, size: int) -> npt.NDArray[Any]:
-    """Accessor `index` with `size` numbers in each element, (N, size), as the numbers that it means.
+def array(document: Document, index: int, *sizes: int) -> npt.NDArray[Any]:
+    """Accessor `index` with one of the `sizes` of numbers in each element, (N, size), as the numbers that it means.
 
     Integers that are marked as normalised are float64 in [-1, 1]; others keep their type. Sparse ones are filled in.
     """
     accessor = item(document.list("accessors"), index)
-    dtype = np.dtype(_COMPONENTS[accessor["componentType"]])
+    dtype = component(accessor)
     count = int(accessor["count"])
-    if _SIZES[accessor["type"]] != size:
-        raise ValueError(f"accessor {index} is {accessor['type']}, not {size} numbers")
+    size = _SIZES[accessor["type"]]
+    if size not in sizes:
+        raise ValueError(f"accessor {index} is {accessor['type']}, not {' or '.join(map(str, sizes))} numbers")
     if "bufferView" in accessor:
         values = _view(document, accessor["bufferView"], accessor.get("byteOffset", 0), dtype, count, size)
     else:
@@ -38,6 +39,11 @@ def array(document: Document, index: int, size: int) -> npt.NDArray[Any]:
     if "sparse" in accessor:
         values = _filled_in(document, accessor["sparse"], values, dtype)
     return normalised(values, bool(accessor.get("normalized")))
+
+
+def component(accessor: dict[str, Any]) -> np.dtype[Any]:
+    """The type of the numbers of an accessor."""
+    return np.dtype(_COMPONENTS[accessor["componentType"]])
 
 
 def normalised(values: npt.NDArray[Any], wanted: bool) -> npt.NDArray[Any]:

@@ -8,24 +8,22 @@ Source: Khronos Group, "glTF 2.0 Specification", sections 3.6 and 4.4.
 
 from __future__ import annotations
 
-import base64
 import json
 import struct
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote, unquote_to_bytes
 
 from ....errors import InputError
-
-_SHAPES = ("KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_draco_mesh_compression", "KHR_node_visibility")
-"""Extensions that say where the surfaces are, and are read."""
-
-_LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_", "EXT_lights_", "KHR_xmp")
-"""How the names of extensions begin that change no surface."""
+from . import extensions, meshopt
+from .extensions import LeftOut
+from .files import data_of, file_of, is_data
 
 
 class Document:
-    """A glTF file: `json`, its document, and the bytes of its buffers. Raises InputError for what is none."""
+    """A glTF file: `json`, its document, and the bytes of its buffers. Raises InputError for what is none.
+
+    `left_out`: what is found in it, and not shown.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -38,49 +36,50 @@ class Document:
         if not isinstance(self.json, dict):
             raise InputError(f"{path}: its JSON is no object; export it again")
         self._check_version()
-        self._buffers: dict[int, bytes] = {}
+        extensions.check_required(path, self.json.get("extensionsRequired", []))
+        self.left_out = LeftOut()
+        self._buffers: dict[int, memoryview] = {}
+        self._unpacked: dict[int, memoryview] = {}
 
     def list(self, name: str) -> list[dict[str, Any]]:
         """The objects of one kind, such as 'nodes'; empty where the document has none."""
         found: list[dict[str, Any]] = self.json.get(name, [])
         return found
 
-    def view(self, index: int) -> tuple[bytes, int]:
+    def view(self, index: int) -> tuple[memoryview, int]:
         """The bytes of a buffer view, and its stride: 0 where elements follow each other closely."""
         view = item(self.list("bufferViews"), index)
-        if "EXT_meshopt_compression" in view.get("extensions", {}):
-            self._check_fallback(view)
+        packed = meshopt.extension(view)
+        if packed is None or self._is_there(view["buffer"]):
+            return self._slice(view, f"buffer view {index}"), view.get("byteStride", 0)
+        if index not in self._unpacked:
+            data = self._slice(packed, f"compressed buffer view {index}")
+            self._unpacked[index] = meshopt.decoded(self.path, data, packed)
+        return self._unpacked[index], view.get("byteStride", 0)
+
+    def _is_there(self, index: int) -> bool:
+        """Whether the file has the plain data too, that of a buffer to fall back to."""
+        buffer = item(self.list("buffers"), index)
+        return "uri" in buffer or (index == 0 and self._binary is not None and not meshopt.is_fallback(buffer))
+
+    def _slice(self, view: dict[str, Any], what: str) -> memoryview:
         start, length = view.get("byteOffset", 0), view["byteLength"]
         buffer = self._buffer(view["buffer"])
         if start < 0 or length < 0 or start + length > len(buffer):
-            raise InputError(f"{self.path}: buffer view {index} reaches beyond its buffer; copy or export it again")
-        return buffer[start : start + length], view.get("byteStride", 0)
+            raise InputError(f"{self.path}: {what} reaches beyond its buffer; copy or export it again")
+        return buffer[start : start + length]
 
     def _check_version(self) -> None:
         version = str(self.json.get("asset", {}).get("version", "without a version"))
         if not version.startswith("2."):
             raise InputError(f"{self.path}: glTF {version!r} is not supported; export it as glTF 2.0")
-        for name in self.json.get("extensionsRequired", []):
-            if name in ("EXT_meshopt_compression", "KHR_meshopt_compression"):
-                self._refuse(f"compressed with {name}, which is not supported")
-            if name not in _SHAPES and not name.startswith(_LOOKS):
-                self._refuse(f"requires the extension {name!r}, which is not supported")
 
-    def _refuse(self, why: str) -> None:
-        raise InputError(f"{self.path}: {why}; export it without")
-
-    def _check_fallback(self, view: dict[str, Any]) -> None:
-        """A file that does not require the compression holds the plain data too."""
-        buffer = item(self.list("buffers"), view["buffer"])
-        if buffer.get("extensions", {}).get("EXT_meshopt_compression", {}).get("fallback") and "uri" not in buffer:
-            self._refuse("compressed with EXT_meshopt_compression, which is not supported")
-
-    def _buffer(self, index: int) -> bytes:
+    def _buffer(self, index: int) -> memoryview:
         if index not in self._buffers:
             buffer = item(self.list("buffers"), index)
             uri = buffer.get("uri")
             if uri is not None:
-                data = self.resource(uri)
+                data = data_of(uri) if is_data(uri) else file_of(self.path, uri).read_bytes()
             elif self._binary is not None and index == 0:
                 data = self._binary
             else:
@@ -89,21 +88,8 @@ class Document:
                 raise InputError(
                     f"{self.path}: buffer {index} has {len(data)} of its {buffer['byteLength']} bytes; copy it again"
                 )
-            self._buffers[index] = data
+            self._buffers[index] = memoryview(data)
         return self._buffers[index]
-
-    def resource(self, uri: str) -> bytes:
-        """The bytes that a URI names: those of a file beside the document, or those in the URI itself."""
-        if uri.startswith("data:"):
-            head, _, body = uri[5:].partition(",")
-            return base64.b64decode(unquote(body)) if head.endswith(";base64") else unquote_to_bytes(body)
-        if "://" in uri:
-            raise InputError(f"{self.path}: refers to {uri[:60]!r}; download it, and refer to the file")
-        for name in dict.fromkeys((unquote(uri), uri)):
-            file = self.path.parent / name
-            if file.is_file():
-                return file.read_bytes()
-        raise InputError(f"{self.path}: the file {unquote(uri)!r} that it refers to is not there; copy it too")
 
 
 def item(objects: list[Any], index: int) -> Any:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ....errors import InputError
 from ...model import Indices
-from .accessors import normalised
+from .accessors import component, normalised
 from .container import Document, item
 
 
@@ -35,7 +35,7 @@ class Decoded:
         extension = primitive["extensions"]["KHR_draco_mesh_compression"]
         data, _ = document.view(extension["bufferView"])
         try:
-            mesh = DracoPy.decode(data)
+            mesh = DracoPy.decode(bytes(data))
         except Exception as error:  # of a class of its own, or of C++
             raise InputError(f"{document.path}: its Draco data cannot be decoded ({error}); export it again") from None
         self.triangles: Indices = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
@@ -51,4 +51,7 @@ class Decoded:
             raise InputError(f"{self._document.path}: its Draco data hold no {name}; export it again")
         accessor = item(self._document.list("accessors"), self._primitive["attributes"][name])
         values = np.asarray(self._by_id[self._ids[name]])
+        dtype = component(accessor)
+        if dtype.kind in "iu" and values.dtype.kind in "iu":
+            values = values.astype(dtype)  # DracoPy widens shorter ones
         return normalised(values.reshape(len(values), -1), bool(accessor.get("normalized")))

@@ -47,6 +47,7 @@ class Nodes:
             node = self._nodes[index]
             if node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True):
                 found.append(index)
+                self._document.left_out.extensions_of(self._nodes[index])
                 waiting += reversed(node.get("children", []))
         return found
 
@@ -85,16 +86,22 @@ class Nodes:
             return sorted(set(self.matrices) - {child for node in self._nodes for child in node.get("children", [])})
         chosen = self._document.json.get("scene", 0)
         scene = item(scenes, chosen)
+        self._document.left_out.extensions_of(scene)
         names = [repr(other.get("name", f"number {n}")) for n, other in enumerate(scenes) if n != chosen]
         if names:
             warnings.warn(
                 f"{self._document.path}: shown is the scene {scene.get('name', f'number {chosen}')!r}; "
-                f"left out: {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}",
+                f"left out: {shortened(names)}",
                 SceneWarning,
                 stacklevel=2,
             )
         roots: list[int] = scene.get("nodes", [])
         return roots
+
+
+def shortened(names: list[str]) -> str:
+    """The first names of a list, for a message."""
+    return f"{', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"
 
 
 def _local(node: dict[str, Any]) -> Floats:

@@ -74,8 +74,9 @@ def _colours(tables: Tables, element: str) -> Floats | None:
         if found is None:
             found = _columns(values, *names[:3])
         if found is not None:
-            found = with_alpha(found / [_LARGEST.get(types[name], 1.0) for name in names[: found.shape[1]]])
-            return linear(found) if types[names[0]] in _LARGEST else found
+            largest = np.array([_LARGEST.get(types[name], 1.0) for name in names[: found.shape[1]]])
+            scaled = with_alpha(found / largest)
+            return linear(scaled) if types[names[0]] in _LARGEST else scaled
     return None
 
 

@@ -91,8 +91,7 @@ def _header(path: Path, data: bytes) -> tuple[str, list[_Element], list[str], in
     order: str | None = None
     elements: list[_Element] = []
     comments: list[str] = []
-    for line in plain_text(data[: end.start()]).split(b"\n"):
-        line = word(line)
+    for line in map(word, plain_text(data[: end.start()]).split(b"\n")):
         match line.split():
             case ["format", name, *_]:
                 order = _ORDERS.get(name)

@@ -1,0 +1,295 @@
+"""From the materials of a model to BSDFs and emitters of Mitsuba: its `principled`, under a normal map and a mask.
+
+What `principled` has no term for is told in one line for the file. Sources: Khronos Group, "glTF 2.0 Specification",
+section 3.9 and appendix B, and its extensions KHR_materials_*; Burley, "Physically Based Shading at Disney" (2012).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.colour import LUMINANCE
+from .bitmaps import Bitmaps
+from .model import Material, Texture, Value
+from .textures import at_least, product
+
+Sets = Mapping[int, str | None]
+"""By the numbers of sets of texture coordinates, the attribute of the mesh that has them; None for its own."""
+
+DIELECTRIC = 0.04
+"""Reflectance at right angles of an index of refraction of 1.5."""
+_CLEAR = 0.1
+"""Roughness up to which thin glass is as clear as a window."""
+_COAT_ALPHA = (0.001, 0.1)
+"""What α the coat of `principled` can have."""
+
+
+class Looks:
+    """Makes BSDFs and emitters of materials; `left_out` names what is not shown of them, or not exactly."""
+
+    def __init__(self, bitmaps: Bitmaps) -> None:
+        self.left_out: set[str] = set()
+        self._bitmaps = bitmaps
+        self._made: dict[Any, Any] = {}
+        self._kept: list[Material] = []  # so that no other gets the identity of one
+
+    def bsdf(self, material: Material, sets: Sets, colours: bool, mirrored: bool) -> Any:
+        """The BSDF of a material on a mesh with these `sets` of coordinates.
+
+        `colours`: the mesh has the attributes vertex_colour and vertex_alpha. `mirrored`: its texture coordinates are,
+        seen from outside, so that maps of normals are upside down.
+        """
+        coloured = colours and material.vertex_colours
+        key = (id(material), tuple(sorted(sets.items())), coloured, mirrored and material.normal is not None)
+        if key not in self._made:
+            self._kept.append(material)
+            made = self._bsdf(material, sets, coloured, mirrored)
+            self._made[key] = mi.load_dict(made) if isinstance(made, dict) else made
+        return self._made[key]
+
+    def emitter(self, material: Material, sets: Sets, colours: bool) -> dict[str, Any] | None:
+        """The light that a surface gives off by itself, or None."""
+        if material.unlit:
+            self.left_out.add("that unlit surfaces do not light others")
+            return {"type": "area", "radiance": self._base(material, sets, colours)}
+        value = material.emission
+        if max(value.factor) <= 0 and max(value.offset) <= 0:
+            return None
+        if value.texture is not None:
+            texels = self._bitmaps.raw(value.texture)
+            if texels is None or texels.max(initial=0) <= 0 >= max(value.offset):
+                return None
+        return {"type": "area", "radiance": self._bitmaps.colour(value, sets, None)}
+
+    # ------------------------------- Layers, from the outside in -------------------------------
+
+    def _bsdf(self, material: Material, sets: Sets, colours: bool, mirrored: bool) -> Any:
+        if material.unlit:
+            bsdf: dict[str, Any] = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
+        else:
+            bsdf = self._surface(material, sets, colours)
+            bsdf = self._bent(material, sets, mirrored, bsdf)
+        if material.unlit or not _lets_through(material):
+            bsdf = {"type": "twosided", "bsdf": bsdf}
+        return self._covered(material, sets, colours, bsdf)
+
+    def _covered(self, material: Material, sets: Sets, colours: bool, bsdf: dict[str, Any]) -> dict[str, Any]:
+        """Under a mask, where the material has holes."""
+        if material.alpha_mode == "opaque":
+            return bsdf
+        opacity = self._bitmaps.number(material.alpha, sets)
+        if colours:
+            opacity = _times(opacity, {"type": "mesh_attribute", "name": "vertex_alpha"})
+        elif isinstance(opacity, float):
+            if material.alpha_mode == "mask":
+                opacity = float(opacity >= material.alpha_cutoff)
+            return bsdf if opacity == 1 else {"type": "mask", "opacity": opacity, "bsdf": bsdf}
+        if material.alpha_mode == "mask":
+            opacity = at_least(opacity, material.alpha_cutoff)
+        return {"type": "mask", "opacity": opacity, "bsdf": bsdf}
+
+    def _bent(self, material: Material, sets: Sets, mirrored: bool, bsdf: dict[str, Any]) -> dict[str, Any]:
+        """With the normals or the bumps that the material has."""
+        if material.clearcoat_normal is not None:
+            self.left_out.add("normal maps of coats")
+        if material.normal is not None:
+            texture = self._normals(material.normal, sets, mirrored)
+            return bsdf if texture is None else {"type": "normalmap", "normalmap": texture, "bsdf": bsdf}
+        if material.bump is not None:
+            height = self._bitmaps.number(Value((1.0,), material.bump.texture, material.bump.channels), sets)
+            if not isinstance(height, float):
+                scale = float(material.bump.factor[0])
+                return {"type": "bumpmap", "arbitrary": height, "scale": scale, "bsdf": bsdf}
+        return bsdf
+
+    def _normals(self, value: Value, sets: Sets, mirrored: bool) -> Any:
+        """The texture of a map of normals, scaled; None if there is none to be had."""
+        texture = value.texture
+        if texture is None or texture.uv_set not in sets:
+            return None
+        texels = self._bitmaps.raw(texture)
+        if texels is None:
+            return None
+        normals = 2 * texels - 1
+        normals[..., :2] *= np.broadcast_to(np.asarray(value.factor, dtype=np.float32)[:2], 2)
+        if mirrored:
+            normals[..., 1] *= -1
+        length = np.linalg.norm(normals, axis=2, keepdims=True)
+        normals = np.where(length > 0, normals / np.where(length > 0, length, 1), [0, 0, 1])
+        return self._bitmaps.of_pixels(((normals + 1) / 2).astype(np.float32), texture, sets, False)
+
+    # ------------------------------- The surface itself -------------------------------
+
+    def _base(self, material: Material, sets: Sets, colours: bool) -> Any:
+        base = self._bitmaps.colour(material.base_colour, sets)
+        return _times(base, {"type": "mesh_attribute", "name": "vertex_colour"}) if colours else base
+
+    def _surface(self, material: Material, sets: Sets, colours: bool) -> dict[str, Any]:
+        if material.specular_glossiness is not None:
+            return self._of_specular(material, sets, colours)
+        bsdf: dict[str, Any] = {
+            "type": "principled",
+            "base_color": self._base(material, sets, colours),
+            "roughness": self._bitmaps.number(material.roughness, sets),
+            "metallic": self._bitmaps.number(material.metallic, sets),
+            "eta": self._eta(material),
+        }
+        if _is_some(material.clearcoat):
+            bsdf["clearcoat"] = self._bitmaps.number(material.clearcoat, sets)
+            alpha = float(np.clip(self._bitmaps.mean(material.clearcoat_roughness) ** 2, *_COAT_ALPHA))
+            bsdf["clearcoat_gloss"] = (_COAT_ALPHA[1] - alpha) / (_COAT_ALPHA[1] - _COAT_ALPHA[0])
+            if material.clearcoat_roughness.texture is not None:
+                self.left_out.add("textures of the roughness of coats (their mean is taken)")
+        if _is_some(material.sheen_colour):
+            bsdf["sheen"] = self._bitmaps.mean(material.sheen_colour)
+            self.left_out.add("the colour and the roughness of sheen")
+        if _is_some(material.anisotropy):
+            self._stretch(material, bsdf)
+        if _lets_through(material):
+            return self._glass(material, sets, bsdf)
+        return {name: value for name, value in bsdf.items() if name != "metallic" or value != 0}
+
+    def _eta(self, material: Material) -> float:
+        """The index of refraction with the reflectance that the material has at right angles."""
+        if material.ior <= 0:  # KHR_materials_ior: reflects all
+            return 1000.0
+        reflectance = ((material.ior - 1) / (material.ior + 1)) ** 2
+        colour = material.specular_colour
+        if colour.texture is not None or np.ptp(np.broadcast_to(colour.factor, 3)) > 0:
+            self.left_out.add("the colour of reflections from what is no metal")
+        if material.specular.texture is not None:
+            self.left_out.add("textures of the strength of reflections (their mean is taken)")
+        strength = self._bitmaps.mean(material.specular) * (
+            self._bitmaps.mean(colour)
+            if colour.texture is not None
+            else float(np.broadcast_to(colour.factor, 3) @ LUMINANCE)
+        )
+        root = math.sqrt(min(max(reflectance * strength, 0.0), 0.99))
+        return (1 + root) / (1 - root)
+
+    def _stretch(self, material: Material, bsdf: dict[str, Any]) -> None:
+        """Anisotropy: α is to be α + (1 - α) s² along the tangent and α across; `principled` has α / a and α a with
+        a² = 1 - 0.9 anisotropic."""
+        strength, roughness = self._bitmaps.mean(material.anisotropy), self._bitmaps.mean(material.roughness)
+        across = max(roughness**2, 1e-3)
+        along = across + (1 - across) * strength**2
+        bsdf["anisotropic"] = min((1 - across / along) / 0.9, 1.0)
+        if isinstance(bsdf["roughness"], float):
+            bsdf["roughness"] = (along * across) ** 0.25
+        if material.anisotropy_rotation or material.anisotropy.texture is not None:
+            self.left_out.add("the direction of anisotropy")
+
+    def _glass(self, material: Material, sets: Sets, bsdf: dict[str, Any]) -> dict[str, Any]:
+        transmission = self._bitmaps.number(material.transmission, sets)
+        if np.any(np.asarray(material.attenuation) < 1):
+            self.left_out.add("the absorption within glass")
+        if not material.thin:
+            return {**bsdf, "spec_trans": transmission}
+        ior = min(max(bsdf["eta"], 1.0001), 10.0)
+        if self._bitmaps.mean(material.roughness) > _CLEAR:
+            thin = {name: bsdf[name] for name in ("base_color", "roughness", "eta")}
+            return {**thin, "eta": ior, "type": "principledthin", "spec_trans": transmission}
+        clear = {"type": "thindielectric", "int_ior": ior, "specular_transmittance": bsdf["base_color"]}
+        if transmission == 1.0:
+            return clear
+        return {
+            "type": "blendbsdf",
+            "weight": transmission,
+            "first": {"type": "twosided", "bsdf": bsdf},
+            "second": clear,
+        }
+
+    def _of_specular(self, material: Material, sets: Sets, colours: bool) -> dict[str, Any]:
+        """Of the colours of matte and of glossy reflection, texel by texel."""
+        given = material.specular_glossiness
+        assert given is not None
+        matte, glossy = self._texels(given.diffuse), self._texels(given.specular)
+        matte, glossy = _same_size(matte, glossy)
+        base, metallic = _metal_of_specular(matte, glossy)
+        texture = given.diffuse.texture or given.specular.texture
+        gloss = given.glossiness
+        rough = Value(tuple(-f for f in gloss.factor), gloss.texture, gloss.channels, (1.0 - gloss.offset[0],))
+        bsdf: dict[str, Any] = {"type": "principled", "eta": 1.5, "roughness": self._bitmaps.number(rough, sets)}
+        if texture is None or texture.uv_set not in sets or base.shape[:2] == (1, 1):
+            bsdf["base_color"] = {"type": "rgb", "value": [float(x) for x in base.mean(axis=(0, 1))]}
+            bsdf["metallic"] = float(metallic.mean())
+        else:
+            bsdf["base_color"] = self._bitmaps.of_pixels(base, texture, sets, True)
+            bsdf["metallic"] = self._bitmaps.of_pixels(metallic, texture, sets, False)
+        if colours:
+            bsdf["base_color"] = _times(bsdf["base_color"], {"type": "mesh_attribute", "name": "vertex_colour"})
+        return bsdf
+
+    def _texels(self, value: Value) -> NDArray[np.float32]:
+        """A colour as an image (H, W, 3), of a single texel where it is the same everywhere."""
+        texels = None if value.texture is None else self._bitmaps.raw(value.texture)
+        if texels is None:
+            texels = np.ones((1, 1, 3), dtype=np.float32)
+        factor, offset = (np.broadcast_to(np.asarray(x, dtype=np.float32), 3) for x in (value.factor, value.offset))
+        return np.clip(texels * factor + offset, 0, 1)
+
+
+def _metal_of_specular(
+    matte: NDArray[np.float32], glossy: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The base colours (H, W, 3) and how metallic (H, W) surfaces are whose matte and whose glossy colours are given.
+
+    Of the quadratic equation that 0.04 (1 - m) + c m = glossy and c (1 - m) = matte make of brightnesses. Source:
+    Khronos Group, "KHR_materials_pbrSpecularGlossiness", appendix.
+    """
+    weights = np.array([0.299, 0.587, 0.114], dtype=np.float32)
+    rest = 1 - glossy.max(axis=2)
+    bright, shiny = (np.sqrt(colour**2 @ weights) for colour in (matte, glossy))
+    b = bright * rest / (1 - DIELECTRIC) + shiny - 2 * DIELECTRIC
+    root = np.sqrt(np.maximum(b * b - 4 * DIELECTRIC * (DIELECTRIC - shiny), 0))
+    metallic = np.where(shiny < DIELECTRIC, 0, np.clip((root - b) / (2 * DIELECTRIC), 0, 1))[..., None]
+    of_matte = matte * (rest[..., None] / (1 - DIELECTRIC)) / np.maximum(1 - metallic, 1e-4)
+    of_glossy = (glossy - DIELECTRIC * (1 - metallic)) / np.maximum(metallic, 1e-4)
+    base = np.clip(of_matte + (of_glossy - of_matte) * metallic**2, 0, 1)
+    return base.astype(np.float32), metallic[..., 0].astype(np.float32)
+
+
+def _same_size(a: NDArray[Any], b: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Two images at the size of the larger one, texels repeated."""
+    size = [max(x, y) for x, y in zip(a.shape[:2], b.shape[:2], strict=True)]
+    rows, columns = np.arange(size[0]), np.arange(size[1])
+
+    def enlarged(image: NDArray[Any]) -> NDArray[Any]:
+        height, width = image.shape[:2]
+        return image[(rows * height // size[0])[:, None], (columns * width // size[1])[None]]
+
+    return enlarged(a), enlarged(b)
+
+
+def textures(material: Material) -> list[Texture]:
+    """All textures of a material, those that bend its normals first."""
+    given = material.specular_glossiness
+    values = [material.normal, material.bump, material.base_colour, material.metallic, material.roughness]
+    values += [given.diffuse, given.specular, given.glossiness] if given else []
+    values += [material.alpha, material.emission, material.clearcoat, material.transmission]
+    return [value.texture for value in values if value is not None and value.texture is not None]
+
+
+def _lets_through(material: Material) -> bool:
+    return _is_some(material.transmission) and material.specular_glossiness is None
+
+
+def _is_some(value: Value) -> bool:
+    return max(value.factor) > 0 or max(value.offset) > 0
+
+
+def _times(a: Any, attribute: dict[str, Any]) -> Any:
+    """The product of what a plugin takes for a colour or a number, and an attribute of the mesh."""
+    if isinstance(a, float):
+        a = {"type": "uniform", "value": a}
+    if isinstance(a, dict):
+        if np.all(np.asarray(a["value"]) == 1):
+            return mi.load_dict(attribute)
+        a = mi.load_dict(a)
+    return product([a, mi.load_dict(attribute)])

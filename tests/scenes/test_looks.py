@@ -1,0 +1,257 @@
+"""What surfaces of files look like: values at known places."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from stratalux.errors import SceneWarning
+from stratalux.scenes.assembly import mirrored_faces
+from stratalux.scenes.bitmaps import Bitmaps
+from stratalux.scenes.looks import Looks, _metal_of_specular
+from stratalux.scenes.model import NONE, ONE, Instance, Material, Model, SpecularGlossiness, Texture, Value
+from stratalux.scenes.shapes import object_of
+from tests.scenes.models import UV, base_colour, look, parts, picture, seen, square, texture
+
+FOUR = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [188, 188, 188]]], dtype=np.uint8)
+GREY = ((188 / 255 + 0.055) / 1.055) ** 2.4
+LEFT_RIGHT, UP_DOWN = [-0.5, 0.5, -0.5, 0.5], [0.5, 0.5, -0.5, -0.5]
+EVEN = {"type": "constant", "radiance": {"type": "rgb", "value": 1.0}}
+
+
+def coloured(image: Texture, **more: Any) -> Material:
+    return Material(base_colour=Value((1.0, 1.0, 1.0), image), metallic=NONE, **more)
+
+
+def test_texels_are_found_at_their_places_and_decoded(tmp_path: Path) -> None:
+    found = base_colour(square(coloured(texture(tmp_path, FOUR, curve="srgb"))), LEFT_RIGHT, UP_DOWN)
+    np.testing.assert_allclose(found, [[1, 0, 0], [0, 1, 0], [0, 0, 1], [GREY] * 3], atol=2e-3)
+
+
+def test_numbers_are_not_decoded(tmp_path: Path) -> None:
+    found = base_colour(square(coloured(texture(tmp_path, FOUR, curve="linear"))), 0.5, -0.5)
+    np.testing.assert_allclose(found, [[188 / 255] * 3], atol=1e-3)
+
+
+def test_a_file_says_itself_what_it_is(tmp_path: Path) -> None:
+    """ "auto": integers are coded, floats are not."""
+    texels = np.full((2, 2, 3), 0.25, dtype=np.float32)
+    image = Texture(picture(tmp_path, texels, "float.exr"), curve="auto")
+    np.testing.assert_allclose(base_colour(square(coloured(image)), 0.1, 0.1), [[0.25] * 3], atol=1e-3)
+    found = base_colour(square(coloured(texture(tmp_path, FOUR, curve="auto"))), 0.5, -0.5)
+    np.testing.assert_allclose(found, [[GREY] * 3], atol=2e-3)
+
+
+def test_factors_and_offsets(tmp_path: Path) -> None:
+    value = Value((0.5, 0.25, 1.0), texture(tmp_path, FOUR, curve="srgb"), offset=(0.0, 0.0, 0.5))
+    found = base_colour(square(Material(base_colour=value, metallic=NONE)), LEFT_RIGHT, UP_DOWN)
+    grey = [0.5 * GREY, 0.25 * GREY, 1]
+    np.testing.assert_allclose(found, [[0.5, 0, 0.5], [0, 0.25, 0.5], [0, 0, 1], grey], atol=2e-3)
+
+
+def test_16_bits(tmp_path: Path) -> None:
+    texels = np.full((2, 2, 3), 12345, dtype=np.uint16)
+    found = base_colour(square(coloured(texture(tmp_path, texels))), 0.1, 0.1)
+    np.testing.assert_allclose(found, [[12345 / 65535] * 3], rtol=1e-3)
+
+
+@pytest.mark.parametrize(("wrap", "expected"), [("repeat", [0, 1]), ("clamp", [1, 1]), ("mirror", [1, 0])])
+def test_what_is_beyond_the_edges(tmp_path: Path, wrap: Any, expected: list[float]) -> None:
+    """At u = 1.25 and 1.75 of two texels, 0 and 1."""
+    image = texture(tmp_path, np.array([[[0] * 3, [255] * 3]], dtype=np.uint8), wrap=(wrap, wrap))
+    part = square(coloured(image), uvs={0: UV + np.array([1, 0])})
+    np.testing.assert_allclose(base_colour(part, [-0.5, 0.5], [0, 0])[:, 0], expected, atol=1e-3)
+
+
+def test_edges_that_differ(tmp_path: Path) -> None:
+    """Clamped along u, mirrored along v."""
+    rows = np.array([[[0] * 3, [100] * 3], [[200] * 3, [255] * 3]], dtype=np.uint8)
+    part = square(coloured(texture(tmp_path, rows, wrap=("clamp", "mirror"))), uvs={0: UV + np.array([1, 1])})
+    found = base_colour(part, LEFT_RIGHT, UP_DOWN)[:, 0] * 255
+    np.testing.assert_allclose(found, [255, 255, 100, 100], atol=0.5)
+
+
+def test_a_transform_of_coordinates(tmp_path: Path) -> None:
+    """Half a turn: what was below right is above left."""
+    image = texture(tmp_path, FOUR, curve="srgb", transform=((-1, 0, 1), (0, -1, 1)))
+    found = base_colour(square(coloured(image)), LEFT_RIGHT, UP_DOWN)
+    np.testing.assert_allclose(found, [[GREY] * 3, [0, 0, 1], [0, 1, 0], [1, 0, 0]], atol=2e-3)
+
+
+def test_a_second_set_of_coordinates(tmp_path: Path) -> None:
+    """The base colour is on the first set, and the colours that are taken from the second are mirrored."""
+    matte, other = texture(tmp_path, FOUR, curve="srgb"), texture(tmp_path, FOUR, curve="srgb", uv_set=1)
+    mirrored = UV * [-1, 1] + [1, 0]
+    part = square(coloured(other, roughness=Value((1.0,), matte, "r")), uvs={0: UV, 1: mirrored})
+    found = base_colour(part, LEFT_RIGHT, UP_DOWN)
+    np.testing.assert_allclose(found, [[0, 1, 0], [1, 0, 0], [GREY] * 3, [0, 0, 1]], atol=2e-3)
+
+
+def test_coordinates_that_a_mesh_does_not_have(tmp_path: Path) -> None:
+    value = Value((0.25, 0.25, 0.25), texture(tmp_path, FOUR, uv_set=3))
+    with pytest.warns(SceneWarning, match="does not have; its factor is taken alone"):
+        found = base_colour(square(Material(base_colour=value, metallic=NONE)), 0.1, 0.1)
+    np.testing.assert_allclose(found, [[0.25] * 3])
+
+
+def test_an_image_that_cannot_be_read_is_done_without(tmp_path: Path) -> None:
+    image = texture(tmp_path, FOUR)
+    assert image.picture.path is not None
+    image.picture.path.write_bytes(b"nonsense")
+    with pytest.warns(SceneWarning, match="the surface is shown without it"):
+        found = base_colour(square(Material(base_colour=Value((0.5, 0.5, 0.5), image), metallic=NONE)), 0.1, 0.1)
+    np.testing.assert_allclose(found, [[0.5] * 3])
+
+
+def test_vertex_colours_are_a_factor() -> None:
+    colours = np.array([[1, 0, 0, 1], [0, 1, 0, 1], [0, 1, 0, 1], [1, 0, 0, 1.0]])
+    part = square(Material(base_colour=Value((0.5, 0.5, 0.5)), metallic=NONE), colours=colours)
+    np.testing.assert_allclose(
+        base_colour(part, [-0.5, 0.5], [0, 0]), [[0.375, 0.125, 0], [0.125, 0.375, 0]], atol=1e-5
+    )
+
+
+def test_a_normal_map_tilts(tmp_path: Path) -> None:
+    """A normal to the right, one up: where light comes from there, the surface is lit as if it faced it."""
+    half = 1 / np.sqrt(2)
+    for tilt in ([half, 0, half], [0, half, half]):
+        code = np.rint((np.array(tilt) + 1) / 2 * 255).astype(np.uint8)
+        normal = Value((1.0, 1.0), texture(tmp_path, np.tile(code, (2, 2, 1))))
+        for uvs, sign in ((UV, 1), (UV * [-1, 1] + [1, 0], -1)):
+            bsdf, si = look(square(Material(normal=normal, metallic=NONE), uvs={0: uvs}), 0.3, 0.3)
+            right = -1 if tilt[0] and sign < 0 else 1  # where the image is mirrored, its right is the left
+            towards = si.to_local(mi.Vector3f(right * float(tilt[0]), float(tilt[1]), float(tilt[2])))
+            away = si.to_local(mi.Vector3f(-right * float(tilt[0]), -float(tilt[1]), float(tilt[2])))
+            lit, unlit = (bsdf.eval(mi.BSDFContext(), si, wo)[1][0] for wo in (towards, away))
+            assert lit > 0.2 and unlit < 0.01
+
+
+def test_the_scale_of_a_normal_map(tmp_path: Path) -> None:
+    code = np.rint((np.array([0.6, 0, 0.8]) + 1) / 2 * 255).astype(np.uint8)
+    image = texture(tmp_path, np.tile(code, (2, 2, 1)))
+    flat = Material(metallic=NONE, normal=Value((0.0, 0.0), image))
+    values = []
+    for material in (flat, Material(metallic=NONE)):
+        bsdf, si = look(square(material), 0.3, 0.3)
+        values.append(bsdf.eval(mi.BSDFContext(), si, si.to_local(mi.Vector3f(0.6, 0, 0.8)))[1][0])
+    assert values[0] == pytest.approx(values[1], rel=0.01)
+
+
+def test_which_faces_have_mirrored_textures() -> None:
+    (shape,) = object_of(Path("a"), Model.of(square(Material()))).shapes
+    assert not mirrored_faces(shape.mesh, "uv").any()
+    flipped = shape.mesh.transformed(np.diag([-1.0, 1, 1, 1]))
+    assert mirrored_faces(flipped, "uv").all()
+
+
+@pytest.mark.parametrize(("mode", "expected"), [("opaque", 1), ("blend", 0.25), ("mask", 0)])
+def test_alpha(mode: Any, expected: float) -> None:
+    material = Material(metallic=NONE, alpha=Value((0.25,)), alpha_mode=mode)
+    bsdf, si = look(square(material), 0.1, 0.1)
+    assert bsdf.eval_null_transmission(si)[0][0] == pytest.approx(1 - expected)
+
+
+def test_alpha_of_texels_and_vertices(tmp_path: Path) -> None:
+    texels = np.full((2, 2, 4), 255, dtype=np.uint8)
+    texels[0, 0, 3], texels[0, 1, 3] = 51, 153
+    alpha = Value((1.0,), texture(tmp_path, texels), "a")
+    material = Material(metallic=NONE, alpha=alpha, alpha_mode="blend")
+    bsdf, si = look(square(material), LEFT_RIGHT, UP_DOWN)
+    np.testing.assert_allclose(1 - bsdf.eval_null_transmission(si)[0].numpy(), [0.2, 0.6, 1, 1], atol=1e-3)
+    colours = np.tile([1, 1, 1, 0.5], (4, 1))
+    bsdf, si = look(square(material, colours=colours), LEFT_RIGHT, UP_DOWN)
+    np.testing.assert_allclose(1 - bsdf.eval_null_transmission(si)[0].numpy(), [0.1, 0.3, 0.5, 0.5], atol=1e-3)
+    cut = Material(metallic=NONE, alpha=alpha, alpha_mode="mask", alpha_cutoff=0.5)
+    bsdf, si = look(square(cut), LEFT_RIGHT, UP_DOWN)
+    np.testing.assert_allclose(1 - bsdf.eval_null_transmission(si)[0].numpy(), [0, 1, 1, 1])
+
+
+def test_both_sides_are_shown() -> None:
+    part = square(Material(metallic=NONE, double_sided=False))
+    turned = parts(Model([part], [Instance(0, np.eye(4)), Instance(0, np.diag([-1.0, 1, -1, 1]))]))
+    for shape in turned.values():
+        image = seen({"shape": shape, "light": EVEN})
+        assert image[4, 4, 1] > 0.9
+
+
+def test_emission_is_seen_and_lights() -> None:
+    """It is seen as it is; and a large square that shines on a white one makes E = π L there, nearly."""
+    shining = Material(base_colour=Value((0.0, 0.0, 0.0)), emission=Value((2.0, 1.0, 0.5)))
+    image = seen(parts(square(shining)))
+    np.testing.assert_allclose(image[4, 4, :3], [2, 1, 0.5], rtol=1e-5)
+    white = Material(metallic=NONE, roughness=ONE, specular=NONE)
+    behind_the_camera = np.diag([-100.0, 100, -100, 1])
+    behind_the_camera[2, 3] = 6
+    model = Model([square(white), square(shining)], [Instance(0, np.eye(4)), Instance(1, behind_the_camera)])
+    image = seen(parts(model), spp=4096)
+    assert image[4, 4, 0] == pytest.approx(2 * image[4, 4, 1], rel=1e-3)
+    assert image[4, 4, 1] == pytest.approx(1, rel=0.06)
+
+
+def test_unlit_is_its_colour(tmp_path: Path) -> None:
+    material = coloured(texture(tmp_path, FOUR, curve="srgb"), unlit=True)
+    with pytest.warns(SceneWarning, match="unlit surfaces"):
+        shapes = parts(square(material))
+    np.testing.assert_allclose(seen(shapes)[2, 2, :3], [1, 0, 0], atol=2e-3)
+
+
+def test_the_index_of_refraction_follows_the_reflectance() -> None:
+    def eta(material: Material) -> float:
+        return Looks(Bitmaps(Path("a")))._eta(material)
+
+    assert eta(Material()) == pytest.approx(1.5)
+    assert eta(Material(ior=1.33)) == pytest.approx(1.33)
+    root = np.sqrt(0.02)
+    assert eta(Material(specular=Value((0.5,)))) == pytest.approx((1 + root) / (1 - root))
+    assert eta(Material(specular=NONE)) == 1
+
+
+def test_specular_and_glossy_colours_of_metals_and_others() -> None:
+    """What metallic surfaces and others have for colours gives these again."""
+    base = np.array([[[0.8, 0.4, 0.1]]], dtype=np.float32)
+    for metallic in (0.0, 1.0):
+        glossy = 0.04 * (1 - metallic) + base * metallic
+        matte = base * (1 - metallic) * (1 - 0.04) / (1 - glossy.max(axis=2))
+        found, metal = _metal_of_specular(matte, glossy)
+        np.testing.assert_allclose(found, base, atol=0.01)
+        assert metal[0, 0] == pytest.approx(metallic, abs=0.01)
+
+
+def test_a_surface_of_specular_and_glossiness(tmp_path: Path) -> None:
+    given = SpecularGlossiness(
+        Value((1.0, 1.0, 1.0), texture(tmp_path, FOUR, curve="srgb")), Value((0.04,) * 3), Value((0.25,))
+    )
+    found = base_colour(square(Material(specular_glossiness=given)), LEFT_RIGHT, UP_DOWN)
+    np.testing.assert_allclose(found, [[1, 0, 0], [0, 1, 0], [0, 0, 1], [GREY] * 3], atol=5e-3)
+
+
+@pytest.mark.parametrize("thin", [True, False])
+@pytest.mark.parametrize("roughness", [0.0, 0.4])
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_glass_lets_light_through(thin: bool, roughness: float, share: float) -> None:
+    material = Material(metallic=NONE, roughness=Value((roughness,)), transmission=Value((share,)), thin=thin)
+    bsdf, _ = look(square(material), 0.1, 0.1)
+    through = mi.BSDFFlags.Transmission if not thin or roughness else mi.BSDFFlags.Null
+    assert mi.has_flag(bsdf.flags(), through)
+
+
+def test_what_is_not_shown_is_told_once() -> None:
+    material = Material(anisotropy=ONE, anisotropy_rotation=1.0, specular_colour=Value((1.0, 0.5, 0.5)))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        parts(square(material), square(material))
+    (line,) = [str(one.message) for one in told]
+    assert "the direction of anisotropy" in line and "the colour of reflections" in line
+
+
+def test_a_material_is_made_once() -> None:
+    material = Material()
+    with Bitmaps(Path("a")) as bitmaps:
+        looks = Looks(bitmaps)
+        assert looks.bsdf(material, {}, False, False) is looks.bsdf(material, {}, False, False)
+        assert looks.bsdf(Material(), {}, False, False) is not looks.bsdf(material, {}, False, False)
