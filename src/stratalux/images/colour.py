@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ def transform(pixels: NDArray[np.float32], matrix: _Matrix) -> None:
         block[...] = np.einsum("ij,...j->...i", matrix, block, dtype=np.float64)
 
 
-def decode(pixels: NDArray[np.float32], curve: str | float) -> None:
+def decode(pixels: NDArray[np.floating[Any]], curve: str | float) -> None:
     """Make ``pixels`` linear that follow the ``srgb`` curve (IEC 61966-2-1) or are a power 1 / ``curve``; in place."""
     for first in range(0, len(pixels), _ROWS):
         block = pixels[first : first + _ROWS]

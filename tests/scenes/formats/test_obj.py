@@ -125,3 +125,88 @@ def test_what_is_no_face_is_told(tmp_path: Path) -> None:
 def test_bad_lines_are_named(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         part(tmp_path, text)
+
+
+UVS = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+
+
+def parts(folder: Path, text: str, mtl: str = "newmtl red\nKd 1 0 0\nnewmtl my blue\nKd 0 0 1\n") -> list[Part]:
+    (folder / "my things.mtl").write_text(mtl)
+    path = folder / "mesh.obj"
+    path.write_text(text)
+    return list(read_model(path).parts)
+
+
+def corners(found: Part, values: np.ndarray) -> list[object]:
+    return list(values[found.faces].tolist())
+
+
+@pytest.mark.parametrize("faces", ["f 1/1 2/2 3/3\n", "f 1/1/1 2/2/1 3/3/1\n", "f -4/-4 -3/-3 -2/-2\n"])
+def test_coordinates_of_textures_go_down(tmp_path: Path, faces: str) -> None:
+    found = part(tmp_path, SQUARE + UVS + "vn 0 0 1\n" + faces)
+    assert corners(found, found.uvs[0]) == [[[0, 1], [1, 1], [1, 0]]]
+
+
+def test_a_vertex_with_several_coordinates_is_split(tmp_path: Path) -> None:
+    found = part(tmp_path, SQUARE + "vt 0.25\nvt 0.5 0.5 9\nf 1/1 2/1 3/1\nf 1/2 3/2 4\n")
+    assert corners(found, found.uvs[0]) == [[[0.25, 1]] * 3, [[0.5, 0.5], [0.5, 0.5], [0, 0]]]
+    assert triangles(found).tolist() == [[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]]
+    assert len(found.vertices) == 6
+    assert found.normals is None
+    assert part(tmp_path, SQUARE + UVS + "f 1 2 3\n").uvs == {}
+
+
+def test_coordinates_that_are_not_there_are_told(tmp_path: Path) -> None:
+    with pytest.warns(SceneWarning, match="2 corners refer to coordinates of textures that are not there"):
+        part(tmp_path, SQUARE + UVS + "f 1/1 2/5 3/-5\n")
+    with pytest.warns(SceneWarning, match="3 corners refer to normals that are not there"):
+        part(tmp_path, SQUARE + "f 1//1 2//2 3//3\n")
+
+
+def test_colours_behind_positions_are_made_linear(tmp_path: Path) -> None:
+    found = part(tmp_path, "v 0 0 0 0.5 1 0\nv 1 0 0\nv 0 1 0 0 0 0.02 \nf 1 2 3\n")
+    assert found.colours is not None
+    expected = [[0.214041, 1, 0, 1], [1, 1, 1, 1], [0, 0, 0.02 / 12.92, 1]]
+    np.testing.assert_allclose(found.colours, expected, atol=1e-6)
+    with pytest.warns(SceneWarning, match="colours of vertices are above 1"):
+        found = part(tmp_path, "v 0 0 0 255 0 0\nv 1 0 0 0 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert found.colours is not None
+    np.testing.assert_allclose(found.colours, [[1, 0, 0, 1], [0, 0, 0, 1], [1, 1, 1, 1]], atol=1e-6)
+    assert part(tmp_path, "v 0 0 0 1\nv 1 0 0 1\nv  0  1  0   1 \nf 1 2 3\n").colours is None
+
+
+def test_one_part_for_each_material(tmp_path: Path) -> None:
+    faces = "f 1 2 3\nusemtl red\nf 1/1 2/2 3/3\ng x\nusemtl my blue\nf 1 3 4\nusemtl red\nf 3 4 1 2\n"
+    none, red, blue = parts(tmp_path, "mtllib my things.mtl\n" + SQUARE + UVS + faces)
+    assert none.material is None and red.material and blue.material
+    assert [each.name for each in (none, red, blue)] == ["", "red", "my blue"]
+    assert red.material.base_colour.factor == (1, 0, 0) and blue.material.base_colour.factor == (0, 0, 1)
+    assert [area(each) for each in (none, red, blue)] == [0.5, 1.5, 0.5]
+    assert corners(blue, blue.vertices) == [[[0, 0, 0], [1, 1, 0], [0, 1, 0]]]
+    assert len(blue.vertices) == 3
+    assert red.uvs[0][red.faces[0]].tolist() == [[0, 1], [1, 1], [1, 0]]
+
+
+def test_several_libraries(tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "other.mtl").write_text("newmtl green\nKd 0 1 0\nnewmtl red\nKd 0 0 0\n")
+    text = SQUARE + "usemtl red\nf 1 2 3\nusemtl green\nf 1 3 4\n"
+    for libraries in (
+        "mtllib my things.mtl sub/other.mtl\n",
+        "mtllib my things.mtl\nmtllib .\\sub\\other.mtl\n",
+        "mtllib C:\\of others\\My Things.mtl\nmtllib ./sub/other.mtl\n",
+    ):
+        red, green = parts(tmp_path, libraries + text)
+        assert red.material and red.material.base_colour.factor == (1, 0, 0)
+        assert green.material and green.material.base_colour.factor == (0, 1, 0)
+
+
+def test_materials_that_are_missing_are_told(tmp_path: Path) -> None:
+    with pytest.warns(SceneWarning, match="its materials 'not here.mtl' are not there"):
+        (found,) = parts(tmp_path, "mtllib not here.mtl\n" + SQUARE + "usemtl red\nf 1 2 3\n")
+    assert found.material is None
+    with pytest.warns(SceneWarning, match=r"1 of its materials are in none of its libraries, and left out \('gold'\)"):
+        none, red = parts(tmp_path, "mtllib my things.mtl\n" + SQUARE + "usemtl red\nf 1 2 3\nusemtl gold\nf 1 3 4\n")
+    assert none.material is None and red.material
+    with pytest.warns(SceneWarning, match="1 of its materials are in none of its libraries"):
+        parts(tmp_path, SQUARE + "usemtl red\nf 1 2 3\n")

@@ -83,3 +83,21 @@ def test_concave_polygons_of_different_sizes(tmp_path: Path) -> None:
 def test_bad_files_are_named(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         part(tmp_path, text)
+
+
+def test_colours_and_coordinates_of_vertices(tmp_path: Path) -> None:
+    found = part(tmp_path, "STCNOFF\n4 2 0\n" + rows(" 0 0 1 255 0 51 128 0.25 0.75") + FACES)
+    assert found.colours is not None and found.normals is not None
+    np.testing.assert_allclose(found.colours, [[1, 0, 0.0331048, 128 / 255]] * 4, atol=1e-6)
+    np.testing.assert_array_equal(found.uvs[0], [[0.25, 0.25]] * 4)
+    np.testing.assert_array_equal(found.normals, [[0, 0, 1]] * 4)
+    found = part(tmp_path, "COFF\n4 2 0\n" + rows(" 0.5 1.0 0.0") + FACES)
+    np.testing.assert_array_equal(found.colours, [[0.5, 1, 0, 1]] * 4)
+    assert found.uvs == {}
+
+
+def test_colours_of_faces(tmp_path: Path) -> None:
+    found = part(tmp_path, "OFF\n4 2 0\n" + rows() + "3 0 1 2 255 0 0\n3 0 2 3 0.5 0.5 0.5 0.25\n")
+    assert found.colours is not None
+    np.testing.assert_allclose(found.colours[found.faces], [[[1, 0, 0, 1]] * 3, [[0.5, 0.5, 0.5, 0.25]] * 3])
+    assert part(tmp_path, "OFF\n4 2 0\n" + rows() + FACES.replace("\n", " 7\n")).colours is None

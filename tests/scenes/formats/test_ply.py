@@ -110,8 +110,9 @@ def test_other_elements_and_properties_around_them(tmp_path: Path, form: str) ->
         ("edge", ["int a", "int b"], [[0, 1]]),
     )  # fmt: skip
     found = part(tmp_path, data)
-    np.testing.assert_array_equal(found.vertices, VERTICES)
-    np.testing.assert_array_equal(found.normals, np.tile([0, 0, 1], (6, 1)))
+    corners = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]
+    np.testing.assert_array_equal(found.vertices[found.faces], np.array(VERTICES)[corners])
+    np.testing.assert_array_equal(found.normals, np.tile([0, 0, 1], (len(found.vertices), 1)))
     assert area(found) == pytest.approx(3)
 
 
@@ -177,3 +178,78 @@ def test_files_that_are_cut_short_say_where(tmp_path: Path, form: str, lists: tu
 def test_bad_files_are_named(tmp_path: Path, data: bytes, message: str) -> None:
     with pytest.raises(InputError, match=message):
         part(tmp_path, data)
+
+
+def coloured(kind: str, *colours: object, names: str = "red green blue alpha") -> tuple[str, list[str], Rows]:
+    properties = [f"float {axis}" for axis in "xyz"] + [f"{kind} {name}" for name in names.split()[: len(colours)]]
+    return "vertex", properties, [[*v, *colours] for v in VERTICES]
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_colours_of_vertices(tmp_path: Path, form: str) -> None:
+    def found(*arguments: object, **more: str) -> object:
+        colours = part(tmp_path, ply(form, coloured(*arguments, **more), faces([0, 1, 2]))).colours  # type: ignore[arg-type]
+        return None if colours is None else np.unique(colours, axis=0).tolist()
+
+    assert found("uchar", 255, 0, 51, 51) == [pytest.approx([1, 0, 0.0331048, 0.2], abs=1e-6)]
+    assert found("ushort", 65535, 0, 13107) == [pytest.approx([1, 0, 0.0331048, 1], abs=1e-6)]
+    assert found("float", 0.5, 2, 0, 0.25) == [[0.5, 2, 0, 0.25]]
+    assert found("uint8", 0, 255, 0, names="diffuse_red diffuse_green diffuse_blue") == [[0, 1, 0, 1]]
+    assert found("uchar", 255, 0) is None
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_colours_of_faces(tmp_path: Path, form: str) -> None:
+    properties = ["list uchar int vertex_indices", *(f"uchar {name}" for name in ("red", "green", "blue"))]
+    element: tuple[str, list[str], Rows] = (
+        "face",
+        properties,
+        [[[0, 1, 2], 255, 0, 0], [[0, 2, 3, 4], 0, 255, 0]],
+    )
+    found = part(tmp_path, ply(form, vertex(), element))
+    assert found.colours is not None
+    assert found.colours[found.faces[0]].tolist() == [[1, 0, 0, 1]] * 3
+    assert np.unique(found.colours[found.faces[1:]].reshape(-1, 4), axis=0).tolist() == [[0, 1, 0, 1]]
+    found = part(tmp_path, ply(form, coloured("uchar", 0, 0, 255), element))
+    assert found.colours is not None and np.unique(found.colours, axis=0).tolist() == [[0, 0, 1, 1]]
+
+
+@pytest.mark.parametrize("names", ["s t", "u v", "texture_u texture_v"])
+def test_coordinates_of_vertices_go_down(tmp_path: Path, names: str) -> None:
+    found = part(tmp_path, ply("ascii", coloured("float", 0.25, 0.75, names=names), faces([0, 1, 2])))
+    assert found.uvs[0].tolist() == [[0.25, 0.25]] * 6 and found.material is None
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("ragged", [False, True])
+def test_textures_of_faces(tmp_path: Path, form: str, ragged: bool) -> None:
+    for name in ("my wood.png", "stone.jpg"):
+        (tmp_path / name).write_bytes(b"")
+    properties = ["list uchar int vertex_indices", "list uchar float texcoord", "int texnumber"]
+    rows: Rows = [
+        [[0, 1, 2], [0, 0, 1, 0, 1, 0.75], 0],
+        [[0, 2, 3], [0, 0, 1, 0.75, 0.5, 0.5], 1],
+        [[0, 3, 4], [0, 0, 0.5, 0.5, 0, 1], 1],
+        [[0, 4, 5, 0][: 3 + ragged], [] if ragged else [0.5] * 6, -1],
+    ]
+    data = ply(form, vertex(), ("face", properties, rows))
+    textures = b"comment TextureFile  my wood.png \ncomment TextureFile stone.jpg"
+    path = tmp_path / "mesh.ply"
+    path.write_bytes(data.replace(b"comment made by a test", textures))
+    wood, stone, plain = read_model(path).parts
+    assert wood.material and stone.material and plain.material is None
+    texture = wood.material.base_colour.texture
+    assert texture and texture.picture.path == tmp_path / "my wood.png" and texture.curve == "srgb"
+    assert stone.name == "stone.jpg" and not wood.material.vertex_colours
+    assert wood.uvs[0][wood.faces].tolist() == [[[0, 1], [1, 1], [1, 0.25]]]
+    assert stone.uvs[0][stone.faces].tolist() == [[[0, 1], [1, 0.25], [0.5, 0.5]], [[0, 1], [0.5, 0.5], [0, 0]]]
+    assert len(stone.vertices) == 4  # corners with the same coordinates share one
+    (tmp_path / "stone.jpg").unlink()
+    with pytest.warns(SceneWarning, match="its texture 'stone.jpg' is not there, and left out"):
+        assert [each.material is None for each in read_model(path).parts] == [False, True, True]
+
+
+def test_a_texture_without_coordinates_is_told(tmp_path: Path) -> None:
+    data = ply("ascii", vertex(), faces([0, 1, 2])).replace(b"made by a test", b"TextureFile wood.png")
+    with pytest.warns(SceneWarning, match="its texture is left out, as it has no coordinates for it"):
+        assert part(tmp_path, data).material is None

@@ -1,6 +1,7 @@
 """OFF: the polygons of a text file of Geomview's Object File Format.
 
-Source: The Geomview manual, "OFF Files". A header like COFF or STNOFF says what stands behind each position.
+Source: The Geomview manual, "OFF Files". A header like COFF or STNOFF says what stands behind each position, in this
+order: normals, colours, coordinates of textures. Colours of whole numbers follow the curve of sRGB, others are linear.
 """
 
 from __future__ import annotations
@@ -11,18 +12,19 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import InputError
-from ..model import Model
-from .text import numbers, part_of_polygons, plain_text, without_comments
+from ..model import Floats, Model
+from .surface import Table, of_faces, parts_of_polygons
+from .text import linear, numbers, plain_text, without_comments
 
 _HEADER = re.compile(rb"\s*(?:(ST)?(C)?(N)?(4)?(n)?(?:OFF|off))?")
 
 
 def read(path: Path) -> Model:
-    """The faces of a file, with its normals where it has some; colours and texture coordinates are not looked at."""
+    """The faces of a file, with its normals, colours and coordinates of textures where it has some."""
     data = plain_text(path.read_bytes())
     header = _HEADER.match(data)
     assert header  # it matches the empty text
-    _, _, has_normals, homogeneous, any_dimension = header.groups()
+    is_mapped, is_coloured, has_normals, homogeneous, any_dimension = header.groups()
     body = data[header.end() :]
     if re.match(rb"[ \t]*BINARY", body):
         raise InputError(f"{path}: binary OFF files are not supported; export it as text, or as PLY")
@@ -48,11 +50,38 @@ def read(path: Path) -> Model:
             vertices = vertices[:, :3] / vertices[:, 3:]
     sizes = np.array([int(face[0]) for face in faces], dtype=np.int64)
     corners = [face[1 : size + 1] for face, size in zip(faces, sizes.tolist(), strict=True)]
+    behind = [face[size + 1 :] for face, size in zip(faces, sizes.tolist(), strict=True)]
     if sizes.min(initial=0) < 0 or any(len(c) < size for c, size in zip(corners, sizes.tolist(), strict=True)):
         raise InputError(f"{path}: a face has less corners than it declares; export it again")
     indices = numbers(b" ".join([b" ".join(each) for each in corners]), np.int64)
-    normals = _columns(rows, size, size + 3) if has_normals else None
-    return Model.of(part_of_polygons(path, vertices, indices, sizes, normals))
+    normals, uvs, colours = None, None, _colours(behind)
+    if has_normals:
+        normals, size = Table(_columns(rows, size, size + 3)), size + 3
+    if is_mapped:
+        pairs = _columns([row[-2:] for row in rows], 0, 2)
+        uvs, rows = {0: Table(np.stack([pairs[:, 0], 1 - pairs[:, 1]], axis=1))}, [row[:-2] for row in rows]
+    table = None if colours is None else of_faces(colours, sizes)
+    of_vertices = _colours([row[size:] for row in rows]) if is_coloured else None
+    table = table if of_vertices is None else Table(of_vertices)
+    return Model.of(*parts_of_polygons(path, vertices, indices, sizes, normals=normals, uvs=uvs, colours=table))
+
+
+def _colours(rows: list[list[bytes]]) -> Floats | None:
+    """Linear colours (N, 4) of rows with three or four numbers; others are white. None where there is no colour."""
+    lengths = np.array([len(row) for row in rows], dtype=np.int64)
+    is_coloured = (lengths == 3) | (lengths == 4)
+    if not is_coloured.any():
+        return None
+    given = [row for row in rows if len(row) in (3, 4)]
+    whole = np.array([not re.search(rb"[.eE]", b"".join(row)) for row in given])
+    padded = [
+        row if len(row) == 4 else [*row, b"255" if is_whole else b"1"]
+        for row, is_whole in zip(given, whole, strict=True)
+    ]
+    values = numbers(b" ".join([b" ".join(row) for row in padded])).reshape(-1, 4)
+    found = np.ones((len(rows), 4))
+    found[is_coloured] = np.where(whole[:, None], linear(np.where(whole[:, None], values, 0) / 255), values)
+    return found
 
 
 def _columns(rows: list[list[bytes]], start: int, stop: int) -> np.ndarray:

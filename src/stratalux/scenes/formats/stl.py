@@ -1,5 +1,8 @@
 """STL: the triangles of a file, binary or as text. Its normals are those of the triangles, and are not looked at.
 
+Nor are the two bytes behind each triangle: some programs keep a colour in them, in one of two ways that cannot be told
+apart.
+
 Source: M. Burns, "Automated Fabrication" (1993), section 6.5.
 """
 
@@ -13,7 +16,8 @@ import numpy as np
 
 from ...errors import InputError, SceneWarning
 from ..model import Model
-from .text import numbers, part_of_polygons, plain_text
+from .surface import parts_of_polygons
+from .text import numbers, plain_text
 
 _HEADER = 80
 _TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -43,7 +47,7 @@ def _binary(path: Path, data: bytes, count: int) -> Model:
     if rest:
         warnings.warn(f"{path}: {rest} bytes behind the last triangle are ignored", SceneWarning, stacklevel=3)
     vertices = triangles["vertices"].reshape(-1, 3).astype(np.float64)
-    return Model.of(part_of_polygons(path, vertices, np.arange(3 * count), np.full(count, 3)), up="z")
+    return Model.of(*parts_of_polygons(path, vertices, np.arange(3 * count), np.full(count, 3)), up="z")
 
 
 def _text(path: Path, text: bytes) -> Model:
@@ -55,4 +59,4 @@ def _text(path: Path, text: bytes) -> Model:
     if b"endsolid" not in pieces[-1]:
         warnings.warn(f"{path}: it does not end with 'endsolid', and may be cut short", SceneWarning, stacklevel=3)
     vertices = numbers(b" ".join([b" ".join(piece.split(None, 3)[:3]) for piece in pieces[1:]])).reshape(-1, 3)
-    return Model.of(part_of_polygons(path, vertices, np.arange(len(vertices)), np.diff(ends, prepend=-1)), up="z")
+    return Model.of(*parts_of_polygons(path, vertices, np.arange(len(vertices)), np.diff(ends, prepend=-1)), up="z")

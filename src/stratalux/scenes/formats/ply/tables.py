@@ -1,4 +1,4 @@
-"""PLY: the faces and the triangle strips of a file, as text or in binary of either byte order.
+"""PLY: the elements of a file, as text or in binary of either byte order.
 
 Source: G. Turk, "The PLY Polygon File Format" (1994); the type names with numbers are those of files today.
 """
@@ -14,10 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import InputError, SceneWarning
-from ..model import Floats, Indices, Model
-from ..polygons import strip
-from .text import numbers, part_of_polygons, plain_text
+from ....errors import InputError, SceneWarning
+from ...model import Indices
+from ..text import numbers, plain_text, word
 
 # The letters of the types in `struct` and in NumPy alike.
 _TYPES = {
@@ -30,7 +29,7 @@ _TEXT = "="
 _ORDERS = {"ascii": _TEXT, "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
-class _List(NamedTuple):
+class List(NamedTuple):
     """A list property of all rows of an element: the values one after the other, and how many each row has."""
 
     values: Any
@@ -39,11 +38,15 @@ class _List(NamedTuple):
 
 @dataclass
 class _Property:
-    """A property of an element: its name, the type of its values, and for a list that of the number of its values."""
+    """A property of an element: its name, the type of its values, and for a list that of the number of its values.
+
+    `kind` is the type by its letter, and `values` how the data have it.
+    """
 
     name: str
-    values: str
+    kind: str
     count: str | None = None
+    values: str = ""
 
 
 @dataclass
@@ -55,28 +58,31 @@ class _Element:
     properties: list[_Property] = field(default_factory=list)
 
 
-def read(path: Path) -> Model:
-    """The polygons of the element 'face' and the triangles of the element 'tristrips'."""
+class Tables(NamedTuple):
+    """What a file holds: `values[element][property]`, the types of these as the header has them, and its comments."""
+
+    values: dict[str, dict[str, Any]]
+    types: dict[str, dict[str, str]]
+    comments: list[str]
+
+
+def read_tables(path: Path) -> Tables:
+    """All elements of a file. Its lists are :class:`List`, the others arrays."""
     data = path.read_bytes()
-    order, elements, at = _header(path, data)
+    order, elements, comments, at = _header(path, data)
     if order == _TEXT:
         data, at = _text_body(data[at:]), 0
-    tables: dict[str, dict[str, Any]] = {}
+    tables = Tables({}, {each.name: {p.name: p.kind for p in each.properties} for each in elements}, comments)
     for element in elements:
-        tables[element.name], at = _table(path, element, data, at)
+        tables.values[element.name], at = _table(path, element, data, at)
     rest = len(data[at:].strip(b"\0 \t\r\n"))
     if rest and order != _TEXT:
-        warnings.warn(f"{path}: {rest} bytes behind the last element are ignored", SceneWarning, stacklevel=2)
-    vertex = tables.get("vertex", {})
-    vertices = _columns(vertex, "x", "y", "z")
-    if vertices is None:
-        raise InputError(f"{path}: it has no vertices with the properties x, y and z; export it as a triangle surface")
-    corners, sizes = _faces(tables)
-    return Model.of(part_of_polygons(path, vertices, corners, sizes, _columns(vertex, "nx", "ny", "nz")))
+        warnings.warn(f"{path}: {rest} bytes behind the last element are ignored", SceneWarning, stacklevel=3)
+    return tables
 
 
-def _header(path: Path, data: bytes) -> tuple[str, list[_Element], int]:
-    """The byte order of the data, the elements in their order, and where their data start."""
+def _header(path: Path, data: bytes) -> tuple[str, list[_Element], list[str], int]:
+    """The byte order of the data, the elements in their order, the comments, and where the data start."""
     start = re.match(rb"(?:\xef\xbb\xbf)?ply[ \t]*(\r\n|\n|\r)", data)
     # A binary file may go on with any byte, a newline too: so all lines of the header end as the first one does.
     end = start and re.search(rb"[\r\n]end_header[ \t]*" + start[1], data)
@@ -84,7 +90,8 @@ def _header(path: Path, data: bytes) -> tuple[str, list[_Element], int]:
         raise InputError(f"{path}: it has no header of a PLY file; export it again")
     order: str | None = None
     elements: list[_Element] = []
-    for line in plain_text(data[: end.start()]).decode("latin-1").split("\n"):
+    comments: list[str] = []
+    for line in map(word, plain_text(data[: end.start()]).split(b"\n")):
         match line.split():
             case ["format", name, *_]:
                 order = _ORDERS.get(name)
@@ -94,13 +101,15 @@ def _header(path: Path, data: bytes) -> tuple[str, list[_Element], int]:
                 elements[-1].properties.append(_Property(name, _TYPES[values], _TYPES[count]))
             case ["property", values, name, *_]:
                 elements[-1].properties.append(_Property(name, _TYPES[values]))
+            case ["comment", *_]:
+                comments.append(line.strip().removeprefix("comment").strip())
     if order is None:
         raise InputError(f"{path}: its format is none of {', '.join(_ORDERS)}; export it as one of them")
     for p in (p for element in elements for p in element.properties):
         # The numbers of a text are all read in double precision.
-        p.values = order + ("d" if order == _TEXT else p.values)
+        p.values = order + ("d" if order == _TEXT else p.kind)
         p.count = p.count and order + ("d" if order == _TEXT else p.count)
-    return order, elements, end.end()
+    return order, elements, comments, end.end()
 
 
 def _text_body(text: bytes) -> bytes:
@@ -132,7 +141,7 @@ def _table(path: Path, element: _Element, data: bytes, at: int) -> tuple[dict[st
             table: dict[str, Any] = {p.name: rows[f"{column}"] for column, p in enumerate(properties)}
             for column in lists:
                 counts = np.full(element.rows, lengths[column])
-                table[properties[column].name] = _List(rows[f"{column}"].reshape(-1), counts)
+                table[properties[column].name] = List(rows[f"{column}"].reshape(-1), counts)
             return table, at + element.rows * row.itemsize
     return _ragged(path, element, data, at)
 
@@ -180,42 +189,10 @@ def _ragged(path: Path, element: _Element, data: bytes, at: int) -> tuple[dict[s
         within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         first = np.repeat(np.array(places, dtype=np.int64), counts) + within * size
         values = raw[first[:, None] + np.arange(size)].reshape(-1).view(p.values)
-        ragged[p.name] = _List(values, counts) if p.count else values
+        ragged[p.name] = List(values, counts) if p.count else values
     return ragged, at
 
 
 def _cut_short(path: Path, element: _Element, rows: int) -> None:
     what = {"face": "faces", "vertex": "vertices"}.get(element.name, f"rows of '{element.name}'")
     raise InputError(f"{path}: cut short at {rows} of the {element.rows} {what} it declares; copy it again")
-
-
-def _columns(table: dict[str, Any], *names: str) -> Floats | None:
-    """Properties side by side, (N, len(names)) float64, or None if one is missing."""
-    columns = [table.get(name) for name in names]
-    if any(column is None or isinstance(column, _List) for column in columns):
-        return None
-    return np.stack([np.asarray(column, dtype=np.float64) for column in columns], axis=1)
-
-
-def _faces(tables: dict[str, dict[str, Any]]) -> tuple[Indices, Indices]:
-    """The vertices (C,) at the corners of all polygons and of the triangles of all strips, and their sizes (P,)."""
-    corners, sizes = [], []
-    for element in ("face", "tristrips"):
-        table = tables.get(element, {})
-        found = next((table[name] for name in ("vertex_indices", "vertex_index") if name in table), None)
-        if not isinstance(found, _List):
-            continue
-        values = found.values.astype(np.int64)
-        if element == "face":
-            corners.append(values)
-            sizes.append(found.counts)
-        else:
-            # Each list holds many strips, with a -1 behind each.
-            lists = np.split(values, np.cumsum(found.counts)[:-1])
-            strips = [run for each in lists for run in np.split(each, np.flatnonzero(each < 0))]
-            runs = [run[run >= 0] for run in strips]
-            triangles = np.concatenate([np.empty((0, 3), np.int64), *(run[strip(len(run))] for run in runs)])
-            corners.append(triangles.reshape(-1))
-            sizes.append(np.full(len(triangles), 3))
-    empty = np.empty(0, dtype=np.int64)
-    return np.concatenate([empty, *corners]), np.concatenate([empty, *sizes])

@@ -1,0 +1,38 @@
+"""Files that a file names: they are read below its own folder alone."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+
+def file_beside(folder: Path, name: str, base: Path | None = None) -> Path | None:
+    """The file of that name below a folder, or None if there is none.
+
+    Names are relative to `base`, which is in the folder, and to the folder itself. Of a path that leads out of it, such
+    as an absolute one of somebody else's machine, the last part counts. Backslashes separate folders too, quotes around
+    the name are dropped, and letters may differ in case, where nothing else fits.
+    """
+    name = re.sub(r"^[\"'](.*)[\"']$", r"\1", name.strip()).replace("\\", "/")
+    last = name.rsplit("/", 1)[-1]
+    if last in ("", ".", ".."):
+        return None
+    bases = list(dict.fromkeys([base or folder, folder]))
+    foreign = name.startswith("/") or re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name)
+    places = [] if foreign else [each / name for each in bases]
+    top = os.path.normpath(folder.absolute())
+    places = [place for place in places if _is_below(place, top)] + [each / last for each in bases]
+    for place in places:
+        if place.is_file():
+            return place
+    for place in places:
+        if place.parent.is_dir():
+            found = sorted(each for each in os.listdir(place.parent) if each.lower() == place.name.lower())
+            if found and (place.parent / found[0]).is_file():
+                return place.parent / found[0]
+    return None
+
+
+def _is_below(place: Path, top: str) -> bool:
+    return os.path.commonpath([top, os.path.normpath(place.absolute())]) == top
