@@ -10,6 +10,7 @@ import mitsuba as mi
 
 from ..sampling.recording import no_garbage_collection, one_at_a_time
 from . import derivatives
+from .backdrop import background_of
 from .environment import MapLight
 from .sight import Sight
 from .straight import Arrival, Obstacles, Scene, behind, first_surface, visible
@@ -26,9 +27,19 @@ class DirectIntegrator(mi.SamplingIntegrator):
     Camera rays and light pass what has a ``Null`` lobe, as masks have, in the share that it transmits
     (:mod:`.straight`); a bump map or normal map around a mask does not tell that (Mitsuba 3.9), and is opaque.
 
+    The property ``background`` says what those see that meet nothing: ``map``, which is the scene's own (the default);
+    ``none``, of alpha 0; a colour; an emitter all around, as another ``envmap``; or a texture that lies over the film.
+    Light comes from the scene's own map all the same. ``hide_emitters`` hides lights of the scene, but not another
+    background than the map. :class:`InputError` is raised for anything else.
+
     A subclass implements ``prepare(scene)``, which returns what ``environment_light`` needs, or None if the scene has
     no environment map, and ``environment_light`` itself.
     """
+
+    def __init__(self, props: mi.Properties) -> None:
+        super().__init__(props)
+        self.background = background_of(props)
+        self._sensor: mi.Sensor | None = None
 
     def prepare(self, scene: mi.Scene) -> Any:
         raise NotImplementedError
@@ -56,7 +67,7 @@ class DirectIntegrator(mi.SamplingIntegrator):
         """Radiance along ``ray``, its alpha, and no AOVs (Mitsuba's integrator interface)."""
         with no_garbage_collection():
             prepared = self.prepare(scene)
-            sight = Sight(scene)
+            sight = self.sight(scene, self._sensor)
             others = OtherEmitters(scene, prepared is not None, derivatives.wanted(scene), sight.obstacles)
             return *self.radiance(scene, prepared, others, sight, sampler, ray, active), []
 
@@ -71,7 +82,15 @@ class DirectIntegrator(mi.SamplingIntegrator):
         evaluate: bool = True,
     ) -> mi.TensorXf:
         """As Mitsuba's; one thread at a time."""
-        return super().render(scene, sensor, seed, spp, develop, evaluate)
+        self._sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
+        try:
+            return super().render(scene, sensor, seed, spp, develop, evaluate)
+        finally:
+            self._sensor = None
+
+    def sight(self, scene: mi.Scene, sensor: mi.Sensor | None) -> Sight:
+        """What rays see of ``scene``. Without a ``sensor``, a picture behind it is that of the scene's first one."""
+        return Sight(scene, self.background, sensor)
 
     @one_at_a_time
     def render_forward(
@@ -120,9 +139,12 @@ class DirectIntegrator(mi.SamplingIntegrator):
 
         # ----------------------- Visible emitters -----------------------
         L = mi.Spectrum(0)
-        if not self.hide_emitters:
-            L += seen.emitted(si.emitter(scene, active).eval(si, active))
         valid = active & si.is_valid()
+        shown = active if sight.backdrop is None else valid
+        if not self.hide_emitters:
+            L += seen.emitted(si.emitter(scene, shown).eval(si, shown))
+        if sight.backdrop is not None:
+            L += seen.behind(dr.select(active & ~valid, sight.backdrop.radiance(ray, active & ~valid), 0))
 
         # ----------------------- Reflected light ------------------------
         bsdf = si.bsdf(ray)
@@ -135,6 +157,8 @@ class DirectIntegrator(mi.SamplingIntegrator):
             L += seen.reflected(others.emitter_sampling(scene, sampler, si, bsdf, smooth))
         if others.found_by_bsdf or _has_delta(scene):
             L += seen.reflected(others.bsdf_sampling(scene, sampler, si, bsdf, valid))
+        if sight.backdrop is not None:
+            return L, active if sight.backdrop.covers else valid
         # As in Mitsuba's path: an environment that can be seen covers all that is behind.
         return L, valid if self.hide_emitters or scene.environment() is None else active
 

@@ -46,7 +46,11 @@ class Arrival:
 
     def emitted(self, L: mi.Spectrum) -> mi.Spectrum:
         """What arrives at the camera if ``L`` leaves the place by itself."""
-        return L if self._through is None else self._L + self._through * L
+        return L if self._L is None else self._L + self.behind(L)
+
+    def behind(self, L: mi.Spectrum) -> mi.Spectrum:
+        """What arrives at the camera of ``L`` that shines behind all that is passed."""
+        return L if self._through is None else self._through * L
 
     def reflected(self, L: mi.Spectrum) -> mi.Spectrum:
         """What arrives at the camera if ``L`` is reflected there."""

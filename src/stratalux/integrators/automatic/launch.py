@@ -67,9 +67,10 @@ class Launcher:
 
     def begin(self, light: AllocatedLight) -> None:
         """Look at the scene as it is now; the launches that follow render that."""
-        self._light, self._sight = light, Sight(self.scene)
+        self._light, self._sight = light, self.integrator.sight(self.scene, self.sensor)
         self._others = OtherEmitters(self.scene, True, obstacles=self._sight.obstacles)
-        self._fixed = *_constants(self.scene), *_constants(self.sensor)
+        parts = self.scene, self.sensor, *self._sight.parts()
+        self._fixed = tuple(constant for part in parts for constant in _constants(part))
         # Its state, as wide as the last wavefront of another integrator, would be handed to every kernel replayed.
         self.sensor.sampler().seed(0, 1)
 
@@ -132,9 +133,9 @@ class Launcher:
 
     def _state(self, *_: Any) -> Any:
         """What a launch depends on besides its arguments."""
-        light, others = self._light, self._others
-        assert light is not None and others is not None
-        arrays = light.arrays(), light.tables.arrays(), others.arrays()
+        light, others, sight = self._light, self._others, self._sight
+        assert light is not None and others is not None and sight is not None
+        arrays = light.arrays(), light.tables.arrays(), others.arrays(), sight.parts()
         return arrays, light.tables.depth, self.integrator.hide_emitters, self._fixed
 
 
