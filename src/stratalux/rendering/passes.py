@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -141,7 +141,7 @@ def _render_passes(
     rays_per_sample = 2
     own = integrator is not None
     if integrator is None:
-        integrator, about, rays_per_sample = _integrator(sampling)
+        integrator, about, rays_per_sample = _integrator(sampling, loaded.properties)
     film = camera.film()
     spp = sampling.spp or camera.sampler().sample_count()
     picture = replace(
@@ -184,12 +184,17 @@ def _render_passes(
         )
 
 
-def _integrator(sampling: SamplingSettings) -> tuple[mi.Integrator, dict[str, Value], int]:
-    """The integrator of a technique, its properties by name, and its shadow rays for a camera sample."""
+def _integrator(
+    sampling: SamplingSettings, surroundings: Mapping[str, Any]
+) -> tuple[mi.Integrator, dict[str, Value], int]:
+    """The integrator of a technique, its properties by name, and its shadow rays for a camera sample.
+
+    ``surroundings``: properties for what is behind and below.
+    """
     technique, given = parse_technique(sampling.technique)
     short = (("strata", sampling.strata), ("proposals", sampling.proposals))
     given |= {key: n for key, n in short if n is not None}
-    integrator = mi.load_dict({**technique.integrator(given), "hide_emitters": sampling.hide_emitters})
+    integrator = mi.load_dict({**technique.integrator(given), **surroundings, "hide_emitters": sampling.hide_emitters})
     return integrator, {"technique": technique.name, **technique.settings(given)}, technique.shadow_rays(given)
 
 

@@ -19,7 +19,8 @@ from ..scenes.load import envmap
 from ..scenes.materials import material
 from ..scenes.mesh import TriangleMesh
 from ..scenes.shapes import load_mesh
-from ..scenes.stage import GROUND_REFLECTANCE, stage
+from ..scenes.stage import stage
+from ..scenes.surroundings import GROUND_REFLECTANCE
 from .settings import Settings
 from .view import View
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from .lamps import dome_emitter
 from .mitsuba_xml import load_xml
 from .settings import ENV_FRAMES, CameraSettings, SceneSettings
 from .shapes import FORMATS, Object, load_object
-from .stage import matte_ground
+from .surroundings import GROUND, background, ground
 
 USUAL_SIZE = (600, 400)
 _LARGE = 1e6
@@ -61,12 +62,14 @@ class Loaded:
     """A scene, and what its file says besides: ``hide_emitters``, of the integrator that is replaced.
 
     ``camera``: index of the sensor that is asked for. ``measure``: how large the object is, in words.
+    ``properties``: of the integrator, for what is behind and below.
     """
 
     scene: mi.Scene
     hide_emitters: bool = False
     camera: int = 0
     measure: str = ""
+    properties: Mapping[str, Any] = field(default_factory=dict)
 
 
 def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = None) -> Loaded:
@@ -79,8 +82,16 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
     suffix = path.suffix.lower()
     hide_emitters, chosen, measure = False, 0, ""
     if shown.source == "demo":
-        scene = mi.load_dict(_seen(camera, demo_scene(size, emitter=emitter), size))
+        staged = _seen(camera, demo_scene(size, emitter=emitter), size)
+        if shown.ground is not None:
+            object_bounds = np.array([staged["object"].bbox().min, staged["object"].bbox().max])
+            staged = {**{k: part for k, part in staged.items() if k != GROUND}, **_ground(shown.ground, object_bounds)}
+        if shown.ground is not None or shown.background != "map":
+            staged["sensor"] = _with_alpha(staged["sensor"])
+        scene = mi.load_dict(staged)
     elif suffix == ".xml":
+        if shown.ground is not None:
+            raise InputError("ground: a Mitsuba scene has what it stands on; leave it out")
         bitmap = emitter and emitter["bitmap"]
         scene, hide_emitters = load_xml(path, bitmap, camera.size, shown.definitions, max_memory)
         chosen = own_camera(camera, scene)
@@ -91,7 +102,26 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
         known = ", ".join((".xml", *sorted(FORMATS)))
         raise InputError(f"{path}: unknown kind of scene; give {known}, or demo")
     _orient(scene, shown.rotate, shown.scale, ENV_FRAMES[shown.env_frame])
-    return Loaded(scene, hide_emitters, chosen, measure)
+    return Loaded(scene, hide_emitters, chosen, measure, _properties(scene, shown, chosen, max_memory))
+
+
+def _properties(scene: mi.Scene, shown: SceneSettings, camera: int, max_memory: int | None) -> dict[str, Any]:
+    """What the integrator has to be told of the surroundings; nothing where they are as in any scene."""
+    found = {} if shown.background == "map" else {"background": background(scene, shown.background, camera, max_memory)}
+    kind = shown.ground or ("matte" if shown.source == "demo" else "catcher")
+    if kind == "catcher" and any(shape.id() == GROUND for shape in scene.shapes()):
+        found["catcher"] = GROUND
+    return found
+
+
+def _ground(kind: str, bounds: Any) -> dict[str, Any]:
+    """The ground by its name in a scene; nothing without one."""
+    made = ground(kind, bounds)
+    return {} if made is None else {GROUND: made}
+
+
+def _with_alpha(sensor: dict[str, Any]) -> dict[str, Any]:
+    return {**sensor, "film": {**sensor["film"], "pixel_format": "rgba"}}
 
 
 def _seen(camera: CameraSettings, staged: dict[str, Any], size: tuple[int, int]) -> dict[str, Any]:
@@ -116,9 +146,9 @@ def _of_object(
     scene = mi.load_dict(
         {
             "type": "scene",
-            "sensor": sensor(camera, found.points(), found.cameras, camera.size or USUAL_SIZE),
+            "sensor": _with_alpha(sensor(camera, found.points(), found.cameras, camera.size or USUAL_SIZE)),
             **assembled(path, found, shown.material, max_memory),
-            "ground": matte_ground(found.bounds),
+            **_ground(shown.ground or "catcher", found.bounds),
             **({} if emitter is None else {"emitter": emitter}),
         }
     )

@@ -111,6 +111,60 @@ def _show_numbers(numbers: tuple[float, ...]) -> str:
     return ",".join(f"{number!r}" for number in numbers)
 
 
+_NAMED = {"black": (0.0, 0.0, 0.0), "grey": (0.18, 0.18, 0.18), "white": (1.0, 1.0, 1.0)}
+_HEX = re.compile(r"#([0-9a-f]{3}|[0-9a-f]{6})", re.IGNORECASE)
+LEAST_BLUR, MOST_BLUR = 1.0, 180.0
+
+
+def colour_of(text: str) -> tuple[float, float, float] | None:
+    """The linear colour of a text: black, grey (0.18) or white, #rrggbb as on web pages, or linear R,G,B; else None."""
+    if text in _NAMED:
+        return _NAMED[text]
+    if match := _HEX.fullmatch(text):
+        digits = match[1] if len(match[1]) == 6 else "".join(2 * digit for digit in match[1])
+        codes = [int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4)]
+        r, g, b = (code / 12.92 if code <= 0.04045 else ((code + 0.055) / 1.055) ** 2.4 for code in codes)
+        return r, g, b
+    try:
+        r, g, b = (float(word) for word in text.split(","))
+    except ValueError:
+        return None
+    return (r, g, b) if all(0 <= value <= MOST_SCALE for value in (r, g, b)) else None
+
+
+def _background(value: Any) -> str:
+    text = str(value) if isinstance(value, str) or hasattr(value, "__fspath__") else ""
+    if text in ("map", "none") or colour_of(text) is not None:
+        return text
+    if text.startswith("blur:"):
+        try:
+            degrees = float(text[5:])
+        except ValueError:
+            degrees = math.nan
+        if not LEAST_BLUR <= degrees <= MOST_BLUR:
+            raise InputError(f"background '{text}': write blur:DEGREES, {LEAST_BLUR:g} to {MOST_BLUR:g}")
+        return text
+    try:
+        if text and Path(text).is_file():
+            return text
+    except OSError:
+        pass
+    raise InputError(
+        f"background {value!r}: no such file; give that of a picture, map, none, blur:DEGREES or a colour (white, "
+        "#ffcc00, or linear R,G,B)"
+    )
+
+
+def _ground(value: Any) -> str:
+    text = value if isinstance(value, str) else ""
+    if text in ("none", "catcher", "matte", "mirror"):
+        return text
+    colour = colour_of(text[6:]) if text.startswith("matte:") else None
+    if colour is not None and max(colour) <= 1:
+        return text
+    raise InputError(f"ground {value!r}: give none, catcher, mirror, matte or matte:COLOUR (matte:0.2,0.2,0.2)")
+
+
 def check_source(source: str) -> None:
     """Make sure, before any work is done, that there is such a scene; raises :class:`InputError`."""
     if source == "demo":
@@ -173,6 +227,8 @@ DEFINITION = Kind("name=value", _parse_definition, _definition, "=".join, list)
 CAMERA = Kind("NAME|INDEX|auto|none", _camera, _camera)
 ORBIT = Kind("AZ,EL[,DIST]", _orbit, _orbit, _show_numbers, list)
 POINT = Kind("X,Y,Z", _point, _point, _show_numbers, list)
+BACKGROUND = Kind("map|none|COLOUR|FILE|blur:DEG", _background, _background)
+GROUND = Kind("none|catcher|matte[:COLOUR]|mirror", _ground, _ground)
 MAP = Kind("MAP", _map, _map, _show_map, _map_json)
 
 
@@ -209,6 +265,20 @@ class SceneSettings(Settings):
         choices=tuple(MATERIALS),
         metavar="NAME",
         default_text="what the file says, or clay",
+    )
+    background: str = option(
+        "map",
+        "What is behind: the map, or none (alpha 0); COLOUR: white, #ffcc00 or linear R,G,B; FILE: a picture over the "
+        "film; blur:DEG: the map out of focus. It lights nothing.",
+        "--background",
+        kind=BACKGROUND,
+    )
+    ground: str | None = option(
+        None,
+        "What an object stands on: none, catcher (what is behind, in its shadow), matte, or mirror.",
+        "--ground",
+        kind=GROUND,
+        default_text="catcher; of the demo, matte",
     )
     up: str | None = option(
         None, "Axis of a mesh file that is up.", "--up", choices=UP_AXES, default_text="y, but z for .stl"

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-import mitsuba as mi
 import numpy as np
-import numpy.typing as npt
 
 from ..errors import InputError
 from .assembly import to_mitsuba
 from .camera import sensor
 from .mesh import TriangleMesh
 from .settings import CameraSettings
+from .surroundings import ground as ground_below
 
 SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
-
-GROUND_REFLECTANCE = 0.4
-GROUND_RADIUS = 100.0
-"""In units of half the object's diagonal: the edge is so close to the horizon that it looks like one."""
 
 
 def stage(
@@ -53,19 +48,8 @@ def stage(
         "emitter": emitter,
     }
     if ground:
-        scene["ground"] = matte_ground(placed.bounds)
+        scene["ground"] = ground_below("matte", placed.bounds)
     return scene
-
-
-def matte_ground(bounds: npt.ArrayLike) -> dict[str, Any]:
-    """A grey disk, as a dictionary, below what has these `bounds` (2, 3)."""
-    low, high = np.asarray(bounds, dtype=np.float64)
-    half = float(np.linalg.norm(high - low) / 2)
-    # A hair below, so that an object with a flat bottom does not fight with it for visibility.
-    middle = [(low[0] + high[0]) / 2, low[1] - 1e-4 * half, (low[2] + high[2]) / 2]
-    flat = mi.ScalarTransform4f().translate(middle).rotate([1, 0, 0], -90).scale(GROUND_RADIUS * half)
-    reflectance = {"type": "rgb", "value": GROUND_REFLECTANCE}
-    return {"type": "disk", "to_world": flat, "bsdf": {"type": "diffuse", "reflectance": reflectance}}
 
 
 def standing(mesh: TriangleMesh) -> TriangleMesh:

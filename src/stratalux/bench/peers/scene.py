@@ -25,7 +25,8 @@ from ...maps.envmap import EnvironmentMap
 from ...scenes.camera import FIELD_OF_VIEW_DEGREES, camera_frame
 from ...scenes.mesh import smooth_shaded
 from ...scenes.shapes import load_mesh
-from ...scenes.stage import GROUND_RADIUS, GROUND_REFLECTANCE, standing
+from ...scenes.stage import standing
+from ...scenes.surroundings import GROUND_RADIUS, GROUND_REFLECTANCE
 from ..cases import FLIPPED, Case
 from ..scenes import Setting
 
