@@ -186,6 +186,12 @@ def test_images_that_cannot_be_read_are_refused_by_name(file: Path) -> None:
         texture_of(file, gltf, index)
 
 
+def test_textures_without_an_image_are_told(file: Path) -> None:
+    gltf = Gltf()
+    with pytest.warns(SceneWarning, match="a texture that has no image is not shown"):
+        assert texture_of(file, gltf, gltf.add("textures")) is None
+
+
 # ------------------------------- Basis Universal -------------------------------
 
 COLOURS = np.array([[[200, 100, 50, 255], [1, 2, 3, 128]], [[0, 255, 0, 255], [90, 90, 90, 0]]])

@@ -17,7 +17,7 @@ from .container import Document, item
 from .files import data_of, file_of, is_data
 from .numbers import Numbers
 
-_WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror"}
+_WRAPS: dict[Any, Wrap] = {33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
 _AS_THEY_ARE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 _PREFERRED = "EXT_texture_webp"
@@ -60,8 +60,11 @@ class Textures:
         extensions = texture.get("extensions", {})
         places = [extensions.get(_PREFERRED, {}), texture, *(extensions.get(name, {}) for name in _OTHERS)]
         index = next((place["source"] for place in places if "source" in place), None)
+        if index is None and not extensions:
+            self._document.left_out.add("a texture that has no image")
+            return None
         if index is None:
-            named = ", ".join(extensions) or "without a source"
+            named = ", ".join(extensions)
             raise InputError(f"{self._document.path}: a texture has no image that can be read ({named}); export others")
         if index not in self._pictures:
             found = self._read(index)
@@ -73,7 +76,7 @@ class Textures:
         document = self._document
         image = item(document.list("images"), index)
         uri = image.get("uri")
-        name = image.get("name") or f"image {index}"
+        name = str(image.get("name") or f"image {index}")
         if uri is None:
             found = Picture(name, data=bytes(document.view(image["bufferView"])[0]))
         elif is_data(uri):
