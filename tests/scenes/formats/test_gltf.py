@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -473,6 +474,38 @@ def test_indices_and_joints_beyond_the_end(file: Path) -> None:
     gltf = Gltf()
     gltf.show(bent(gltf), skin=gltf.add("skins", joints=[0]))
     with pytest.raises(InputError, match="beyond the 1 of its skin"):
+        read_model(gltf.write(file))
+
+
+@pytest.mark.parametrize("node", [{"translation": [math.inf, 0, 0]}, {"scale": [1e308, 1, 1]}])
+def test_places_that_are_no_numbers(file: Path, node: dict[str, Any]) -> None:
+    gltf = Gltf()
+    gltf.show(gltf.primitive(TRIANGLE), **node)
+    gltf.add("nodes", scale=[1e308, 1, 1], children=[0])
+    with pytest.raises(InputError, match="the place of a node is not a finite number"):
+        read_model(gltf.write(file))
+    gltf.json["scenes"] = [{"nodes": [2]}]
+    gltf.add("nodes", mesh=0)
+    assert len(corners(gltf.write(file))) == 1
+
+
+def test_instances_and_joints_that_are_no_numbers(file: Path) -> None:
+    gltf = Gltf()
+    table = {"TRANSLATION": gltf.accessor([[0, 0, 0], [0, math.nan, 0]])}
+    gltf.show(gltf.primitive(TRIANGLE), extensions={"EXT_mesh_gpu_instancing": {"attributes": table}})
+    with pytest.raises(InputError, match="the place of a node is not a finite number"):
+        read_model(gltf.write(file))
+    gltf = Gltf()
+    inverse = gltf.accessor(np.full((2, 4, 4), math.inf))
+    gltf.show(bent(gltf), skin=gltf.add("skins", joints=[0, 0], inverseBindMatrices=inverse))
+    with pytest.raises(InputError, match="the place of a node is not a finite number"):
+        read_model(gltf.write(file))
+
+
+def test_indices_that_are_no_whole_numbers(file: Path) -> None:
+    gltf = Gltf()
+    gltf.show({**gltf.primitive(TRIANGLE), "indices": gltf.accessor([0.0, 1, 2])})
+    with pytest.raises(InputError, match="indices are no whole numbers"):
         read_model(gltf.write(file))
 
 

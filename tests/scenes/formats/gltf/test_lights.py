@@ -33,9 +33,9 @@ def with_light(path: Path, node: dict[str, Any] | None = None, **said: Any) -> M
 def test_kinds_of_lights(file: Path, kind: str, expected: str) -> None:
     """Intensity times colour, where the node is: half a turn about y takes -z to z."""
     node = {"rotation": [0, 1, 0, 0], "translation": [0, 2, 0], "name": "lamp"}
-    model = with_light(file, node, type=kind, intensity=50, color=[1, 0.5, 0], name="bulb")
+    model = with_light(file, node, type=kind, intensity=50, color=[0.8, 0.5, 0], name="bulb")
     (light,) = model.lights
-    assert (light.kind, light.colour, light.name) == (expected, (50, 25, 0), "lamp")
+    assert (light.kind, light.colour, light.name) == (expected, (40, 25, 0), "lamp")
     np.testing.assert_allclose(light.matrix[:3, 3], [10, 2, 0])
     np.testing.assert_allclose(light.matrix[:3, :3] @ [0, 0, -1], [0, 0, 1], atol=1e-12)
 
@@ -80,11 +80,31 @@ def test_an_orthographic_camera(file: Path) -> None:
     assert (camera.height, camera.aspect) == (4, 3)
 
 
-@pytest.mark.parametrize("said", [{}, {"yfov": 0}, {"yfov": 4}])
-def test_a_camera_that_sees_nothing_is_told(file: Path, said: dict[str, float]) -> None:
+@pytest.mark.filterwarnings("ignore::stratalux.errors.SceneWarning")
+def test_numbers_of_lights_are_clamped_to_their_range(file: Path) -> None:
+    spot = {"innerConeAngle": 3, "outerConeAngle": 2}
+    (light,) = with_light(file, type="spot", intensity=-1, spot=spot).lights
+    assert (light.colour, light.cone) == ((0, 0, 0), (math.pi / 2, math.pi / 2))
+    (light,) = with_light(file, type="spot", spot={"innerConeAngle": -1, "outerConeAngle": -1}).lights
+    assert light.cone == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("perspective", {}),
+        ("perspective", {"yfov": 0}),
+        ("perspective", {"yfov": 4}),
+        ("perspective", {"yfov": 1, "aspectRatio": -0.5}),
+        ("orthographic", {}),
+        ("orthographic", {"xmag": 1}),
+        ("orthographic", {"ymag": 1}),
+    ],
+)
+def test_a_camera_that_sees_nothing_is_told(file: Path, kind: str, said: dict[str, float]) -> None:
     gltf = Gltf()
     gltf.show_material()
-    gltf.add("nodes", camera=gltf.add("cameras", type="perspective", perspective=said, name="shut"))
+    gltf.add("nodes", camera=gltf.add("cameras", type=kind, **{kind: said}, name="shut"))
     with pytest.warns(SceneWarning, match="the camera 'shut', which has no field of view is not shown"):
         assert read_model(gltf.write(file)).cameras == []
 

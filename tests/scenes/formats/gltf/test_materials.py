@@ -84,6 +84,11 @@ def test_alpha_modes(file: Path, mode: str | None) -> None:
     assert found.alpha_cutoff == (0.3 if mode else 0.5)
 
 
+def test_an_alpha_mode_that_nobody_knows(file: Path) -> None:
+    with pytest.warns(SceneWarning, match="the alpha mode 'SOMETIMES' is not shown"):
+        assert of(file, alphaMode="SOMETIMES").alpha_mode == "opaque"
+
+
 def test_normals_and_emission(file: Path) -> None:
     gltf = Gltf()
     bumps, glow = gltf.texture(b"bumps"), gltf.texture(b"glow")
@@ -330,7 +335,6 @@ def test_the_default_of_specular_and_glossiness(file: Path) -> None:
         ({"pbrMetallicRoughness": {"metallicFactor": "much"}}, "metallicFactor is much, not a number"),
         ({"pbrMetallicRoughness": {"roughnessFactor": math.nan}}, "roughnessFactor is nan, not a number"),
         ({"emissiveFactor": [1, 2]}, r"emissiveFactor is \[1, 2\], not 3 numbers"),
-        ({"alphaMode": "SOMETIMES"}, "unreadable"),
         ({"normalTexture": {"index": 7}}, "there is no object 7"),
     ],
 )

@@ -11,6 +11,7 @@ import pytest
 
 from stratalux.errors import InputError
 from stratalux.scenes.formats import read_model
+from stratalux.scenes.formats.gltf.meshopt import decoded
 from stratalux.scenes.model import Part
 from tests.scenes.formats.gltf_files import COMPONENTS, TYPES, Gltf
 
@@ -131,6 +132,26 @@ def test_without_its_package(file: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         read(file, gltf)
 
 
+@pytest.mark.parametrize(("version", "more"), [((3, 10, 9), " and Python 3.11 or later"), ((3, 11, 0), "")])
+def test_its_package_is_not_there_for_every_python(
+    file: Path, monkeypatch: pytest.MonkeyPatch, version: tuple[int, ...], more: str
+) -> None:
+    monkeypatch.setitem(sys.modules, "meshopt", None)
+    monkeypatch.setattr(sys, "version_info", version)
+    with pytest.raises(InputError, match=f"needs another package{more}: pip install"):
+        decoded(file, memoryview(b""), {"count": 1, "byteStride": 4})
+
+
+@pytest.mark.parametrize(("count", "size"), [(1, 4), (1_000_000, 16)])
+def test_what_is_all_the_same_is_compressed_most(count: int, size: int) -> None:
+    """A thousand times, which is not taken for a lie."""
+    meshopt = pytest.importorskip("meshopt")
+    data = meshopt.encode_gltf_buffer(np.zeros((count, size), np.uint8), "ATTRIBUTES", 1)
+    assert count == 1 or count * size > 1000 * len(data)
+    view = {"count": count, "byteStride": size, "mode": "ATTRIBUTES"}
+    assert bytes(decoded(Path("scene.glb"), memoryview(data), view)) == bytes(count * size)
+
+
 @pytest.mark.parametrize("how", ["file", "binary"])
 def test_plain_data_to_fall_back_to_need_no_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
     monkeypatch.setitem(sys.modules, "meshopt", None)
@@ -155,6 +176,7 @@ def test_plain_data_to_fall_back_to_need_no_package(tmp_path: Path, monkeypatch:
         ({"filter": "SEPIA"}, "meshopt data cannot be decoded"),
         ({"byteStride": 0}, "meshopt data cannot be decoded"),
         ({"byteStride": -12}, "meshopt data cannot be decoded"),
+        ({"count": 0}, "reach beyond buffer view 0"),
         ({"count": -4}, "reach beyond buffer view 0"),
         ({"buffer": 7}, "there is no object 7"),
         ({"buffer": 1}, "buffer 1 has no data"),

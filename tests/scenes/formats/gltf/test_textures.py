@@ -36,6 +36,7 @@ def file(tmp_path: Path) -> Path:
         (None, ("repeat", "repeat"), False),
         ({}, ("repeat", "repeat"), False),
         ({"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}, ("clamp", "mirror"), True),
+        ({"wrapS": 1, "wrapT": 2}, ("repeat", "repeat"), False),
         ({"wrapS": 10497, "wrapT": 33071, "magFilter": 9729, "minFilter": 9728}, ("repeat", "clamp"), False),
     ],
 )
@@ -63,10 +64,32 @@ def test_a_texture_that_is_moved(file: Path) -> None:
 
 
 def test_the_scale_of_a_texture_comes_before_its_rotation(file: Path) -> None:
+    """(1, 1) becomes (2, 3), and is turned about the origin by 30°, from v to u; v goes down."""
     gltf = Gltf()
-    said = {"rotation": np.pi / 2, "scale": [2, 3], "offset": [10, 20]}
+    said = {"rotation": np.pi / 6, "scale": [2, 3], "offset": [10, 20]}
     found = texture_of(file, gltf, gltf.texture(), extensions={"KHR_texture_transform": said})
-    np.testing.assert_allclose(moved(found, 1, 1), [10 + 3, 20 - 2], atol=1e-12)
+    cosine, sine = np.sqrt(0.75), 0.5
+    np.testing.assert_allclose(moved(found, 1, 1), [10 + 2 * cosine + 3 * sine, 20 - 2 * sine + 3 * cosine])
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        (None, [0.25, 0.5]),
+        ({}, [0.25, 0.5]),
+        ({"offset": [1, 2]}, [1.25, 2.5]),
+        ({"scale": [2, 4]}, [0.5, 2]),
+        ({"rotation": np.pi}, [-0.25, -0.5]),
+    ],
+)
+def test_what_a_texture_does_not_say_of_its_place(
+    file: Path, said: dict[str, Any] | None, expected: list[float]
+) -> None:
+    gltf = Gltf()
+    more = {} if said is None else {"extensions": {"KHR_texture_transform": said}}
+    found = texture_of(file, gltf, gltf.texture(), **more)
+    assert found is not None and found.uv_set == 0
+    np.testing.assert_allclose(moved(found, 0.25, 0.5), expected)
 
 
 def test_where_images_are(tmp_path: Path) -> None:
@@ -161,6 +184,12 @@ def test_images_that_cannot_be_read_are_refused_by_name(file: Path) -> None:
     index = gltf.texture(extensions={"EXT_texture_avif": {"source": gltf.image(b"")}})
     with pytest.raises(InputError, match=r"no image that can be read \(EXT_texture_avif\)"):
         texture_of(file, gltf, index)
+
+
+def test_textures_without_an_image_are_told(file: Path) -> None:
+    gltf = Gltf()
+    with pytest.warns(SceneWarning, match="a texture that has no image is not shown"):
+        assert texture_of(file, gltf, gltf.add("textures")) is None
 
 
 # ------------------------------- Basis Universal -------------------------------

@@ -54,6 +54,13 @@ def normalised(values: npt.NDArray[Any], wanted: bool) -> npt.NDArray[Any]:
     return fractions
 
 
+def whole(values: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+    """Indices, which have to be whole numbers."""
+    if values.dtype.kind not in "iu":
+        raise ValueError("indices are no whole numbers")
+    return values.astype(np.int64)
+
+
 def _view(document: Document, view: int, offset: int, dtype: np.dtype[Any], count: int, size: int) -> npt.NDArray[Any]:
     data, stride = document.view(view)
     stride = stride or size * dtype.itemsize

@@ -46,6 +46,9 @@ class Materials:
         colour, alpha = self._coloured(surface, "baseColorFactor", "baseColorTexture")
         extensions = material.get("extensions", {})
         strength = self._numbers(extensions.get("KHR_materials_emissive_strength", {}))
+        mode = material.get("alphaMode", "OPAQUE")
+        if mode not in _MODES:
+            self._document.left_out.add(f"the alpha mode {str(mode)[:40]!r}")
         light = strength.one("emissiveStrength", 1.0, 0.0)
         glow = own.colour("emissiveFactor", 0.0, math.inf)  # above 1 against the rules, in files that know no strength
         found = Material(
@@ -54,7 +57,7 @@ class Materials:
             alpha=alpha,
             metallic=self._value(surface, "metallicRoughnessTexture", numbers.one("metallicFactor", 1.0, 0, 1), "b"),
             roughness=self._value(surface, "metallicRoughnessTexture", numbers.one("roughnessFactor", 1.0, 0, 1), "g"),
-            alpha_mode=_MODES[material.get("alphaMode", "OPAQUE")],
+            alpha_mode=_MODES.get(mode, "opaque"),
             alpha_cutoff=own.one("alphaCutoff", 0.5, 0.0),
             double_sided=bool(material.get("doubleSided", False)),
             normal=self._normal(material, "normalTexture"),

@@ -34,7 +34,8 @@ class Nodes:
         while waiting:
             index, parent = waiting.pop()
             node = item(self._nodes, index)
-            self.matrices[index] = parent @ _local(node)
+            with np.errstate(all="ignore"):  # a place that is none is refused where it is shown
+                self.matrices[index] = parent @ _local(node)
             waiting += [(child, self.matrices[index]) for child in node.get("children", [])]
 
     def shown(self) -> list[int]:
@@ -48,6 +49,7 @@ class Nodes:
             node = self._nodes[index]
             if node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True):
                 found.append(index)
+                self._checked(self.matrices[index])
                 self._document.left_out.extensions_of(self._nodes[index])
                 waiting += reversed(node.get("children", []))
         return found
@@ -63,22 +65,28 @@ class Nodes:
         if not columns:
             return [self.matrices[index]]
         count = min(len(column) for column in columns.values())
-        local = _transforms(
-            columns.get("TRANSLATION", np.zeros((count, 3)))[:count],
-            columns.get("ROTATION", np.tile([0.0, 0, 0, 1], (count, 1)))[:count],
-            columns.get("SCALE", np.ones((count, 3)))[:count],
-        )
-        return list(self.matrices[index] @ local)
+        with np.errstate(all="ignore"):
+            local = _transforms(
+                columns.get("TRANSLATION", np.zeros((count, 3)))[:count],
+                columns.get("ROTATION", np.tile([0.0, 0, 0, 1], (count, 1)))[:count],
+                columns.get("SCALE", np.ones((count, 3)))[:count],
+            )
+            return list(self._checked(self.matrices[index] @ local))
 
     def joints(self, skin: int) -> Floats:
         """The matrices (J, 4, 4) that take a mesh with the skin to the scene, in the pose that the nodes have."""
         found = item(self._document.list("skins"), skin)
-        matrices = np.stack([self.matrices[joint] for joint in found["joints"]])
+        matrices = self._checked(np.stack([self.matrices[joint] for joint in found["joints"]]))
         if "inverseBindMatrices" not in found:
             return matrices
         inverse = array(self._document, found["inverseBindMatrices"], 16).astype(np.float64)
-        posed: Floats = matrices @ inverse[: len(matrices)].reshape(-1, 4, 4).transpose(0, 2, 1)  # column by column
-        return posed
+        with np.errstate(all="ignore"):
+            return self._checked(matrices @ inverse[: len(matrices)].reshape(-1, 4, 4).transpose(0, 2, 1))  # by columns
+
+    def _checked(self, matrices: Floats) -> Floats:
+        if not np.isfinite(matrices).all():
+            raise InputError(f"{self._document.path}: the place of a node is not a finite number; repair or export it")
+        return matrices
 
     def _roots(self) -> list[int]:
         """The nodes of the default scene; those of the first where none is named, and all where there is none."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...model import Floats, Indices, Material, Part
 from ...polygons import fan, strip
-from .accessors import array, normalised
+from .accessors import array, normalised, whole
 from .container import Document
 from .draco import Decoded, is_compressed
 from .skins import skinned
@@ -63,13 +63,15 @@ def part(
         stored = values(name, *sizes)
         if stored is None:
             return None
-        found = stored.astype(np.float64)
+        with np.errstate(invalid="ignore"):  # of numbers that are none
+            found = stored.astype(np.float64)
         for target, weight in targets:
             if name in target:
                 added = array(document, target[name], *((3,) if name == "TANGENT" else sizes))
                 if len(added) != len(found):
                     raise ValueError(f"a morph target has {len(added)} elements of {name}, not {len(found)}")
-                found[:, : added.shape[1]] += weight * added
+                with np.errstate(all="ignore"):
+                    found[:, : added.shape[1]] += weight * added
         return found
 
     positions: Floats = posed("POSITION", 3)
@@ -80,9 +82,10 @@ def part(
         raise ValueError(f"a face refers to vertex {faces.max()} of {len(positions)}")
     if joints is not None and "JOINTS_0" in attributes:
         influences = [name[7:] for name in sorted(attributes) if name.startswith("JOINTS_")]
-        indices = np.concatenate([values(f"JOINTS_{n}", 4) for n in influences], axis=1).astype(np.int64)
-        shares = np.concatenate([values(f"WEIGHTS_{n}", 4) for n in influences], axis=1).astype(np.float64)
-        positions, normals, tangents, mirrored = skinned(positions, normals, tangents, indices, shares, joints)
+        indices = np.concatenate([whole(values(f"JOINTS_{n}", 4)) for n in influences], axis=1)
+        with np.errstate(all="ignore"):
+            shares = np.concatenate([values(f"WEIGHTS_{n}", 4) for n in influences], axis=1).astype(np.float64)
+            positions, normals, tangents, mirrored = skinned(positions, normals, tangents, indices, shares, joints)
         faces = faces[:, ::-1] if mirrored else faces
     uvs = {int(name[9:]): posed(name, 2) for name in attributes if re.fullmatch(r"TEXCOORD_\d+", name)}
     return Part(positions, faces, normals, uvs, _colours(posed("COLOR_0", 3, 4)), tangents, material, name)
@@ -98,7 +101,7 @@ def _colours(found: Floats | None) -> Floats | None:
 def _faces(document: Document, primitive: dict[str, Any], vertices: int) -> Indices:
     """The triangles (T, 3) of a primitive that is not compressed."""
     if "indices" in primitive:
-        indices = array(document, primitive["indices"], 1)[:, 0].astype(np.int64)
+        indices = whole(array(document, primitive["indices"], 1))[:, 0]
     else:
         indices = np.arange(vertices)
     mode = primitive.get("mode", TRIANGLES)

@@ -17,7 +17,7 @@ from .container import Document, item
 from .files import data_of, file_of, is_data
 from .numbers import Numbers
 
-_WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+_WRAPS: dict[Any, Wrap] = {33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
 _AS_THEY_ARE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 _PREFERRED = "EXT_texture_webp"
@@ -49,7 +49,7 @@ class Textures:
         found = Texture(
             picture,
             curve,
-            (_WRAPS[sampler.get("wrapS", 10497)], _WRAPS[sampler.get("wrapT", 10497)]),
+            (_WRAPS.get(sampler.get("wrapS"), "repeat"), _WRAPS.get(sampler.get("wrapT"), "repeat")),
             sampler.get("magFilter") == _NEAREST,
             int(transform.get("texCoord", info.get("texCoord", 0))),
             _matrix(Numbers(transform, self._document.left_out)) if transform else _AS_THEY_ARE,
@@ -58,16 +58,14 @@ class Textures:
 
     def _picture(self, texture: dict[str, Any]) -> Picture | None:
         extensions = texture.get("extensions", {})
-        if _PREFERRED in extensions:
-            sources = [extensions[_PREFERRED]]
-        elif "source" in texture:
-            sources = [texture]
-        else:
-            sources = [extensions[name] for name in _OTHERS if name in extensions]
-        if not sources:
-            named = ", ".join(extensions) or "without a source"
+        places = [extensions.get(_PREFERRED, {}), texture, *(extensions.get(name, {}) for name in _OTHERS)]
+        index = next((place["source"] for place in places if "source" in place), None)
+        if index is None and not extensions:
+            self._document.left_out.add("a texture that has no image")
+            return None
+        if index is None:
+            named = ", ".join(extensions)
             raise InputError(f"{self._document.path}: a texture has no image that can be read ({named}); export others")
-        index = sources[0]["source"]
         if index not in self._pictures:
             found = self._read(index)
             self._pictures[index] = None if found is None else self._equal_pictures.setdefault(found, found)
@@ -78,7 +76,7 @@ class Textures:
         document = self._document
         image = item(document.list("images"), index)
         uri = image.get("uri")
-        name = image.get("name") or f"image {index}"
+        name = str(image.get("name") or f"image {index}")
         if uri is None:
             found = Picture(name, data=bytes(document.view(image["bufferView"])[0]))
         elif is_data(uri):
