@@ -1,4 +1,7 @@
-"""USD: surfaces, where they stand, and what is told of a stage. Files are written as text."""
+"""USD: surfaces, where they stand, and what is told of a stage. Files are written as text.
+
+Most are read in this process, which is quicker than in one of their own.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +13,12 @@ import numpy as np
 import pytest
 
 from stratalux.errors import InputError, SceneWarning
-from stratalux.scenes.formats import read_model
+from stratalux.scenes.formats import read_model, usd
 from stratalux.scenes.model import Model, Part
 
 pytest.importorskip("pxr")
+from stratalux.scenes.formats.usd import process
+from stratalux.scenes.formats.usd.stage import read_stage
 
 QUAD = """
     point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0, 0), (2, 1, 0)]
@@ -26,7 +31,7 @@ QUAD = """
 def model(folder: Path, text: str, head: str = "", name: str = "scene.usda") -> Model:
     path = folder / name
     path.write_text(f"#usda 1.0\n(\n{head}\n)\n{text}")
-    return read_model(path)
+    return read_stage(path)
 
 
 def mesh(more: str = "", name: str = "quad", body: str = QUAD) -> str:
@@ -329,7 +334,7 @@ def test_every_container(tmp_path: Path) -> None:
     stage = Usd.Stage.Open(str(tmp_path / "plain.usda"))
     for name in ("a.usdc", "b.usd"):
         stage.Export(str(tmp_path / name))
-        assert len(read_model(tmp_path / name).parts[0].faces) == 4
+        assert len(read_stage(tmp_path / name).parts[0].faces) == 4
     with zipfile.ZipFile(tmp_path / "c.usdz", "w", zipfile.ZIP_STORED) as package:
         package.write(tmp_path / "a.usdc", "a.usdc")
     assert len(read_model(tmp_path / "c.usdz").parts[0].faces) == 4
@@ -354,5 +359,43 @@ def test_damaged_files_are_one_line(tmp_path: Path, name: str, data: bytes) -> N
 
 def test_without_the_package_one_is_told_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pxr", None)
+    (tmp_path / "a.usda").write_text("#usda 1.0\n" + mesh())
     with pytest.raises(InputError, match=r"pip install 'stratalux\[usd\]'"):
-        model(tmp_path, mesh())
+        read_model(tmp_path / "a.usda")
+
+
+# ------------------------------- The process that reads -------------------------------
+
+
+def test_a_process_of_its_own_gives_the_same(tmp_path: Path) -> None:
+    text = mesh("texCoord2f[] primvars:st = [(0.5, 0.5)]") + 'def Points "dust"\n{\n}\ndef Camera "eye"\n{\n}\n'
+    with pytest.warns(SceneWarning):
+        here = model(tmp_path, text, "metersPerUnit = 2")
+    with pytest.warns(SceneWarning) as caught:
+        there = read_model(tmp_path / "scene.usda")
+    assert [str(each.message) for each in caught] == [
+        f"{tmp_path / 'scene.usda'}: prims of the type Points are not shown (/dust)"
+    ]
+    np.testing.assert_array_equal(there.parts[0].vertices, here.parts[0].vertices)
+    np.testing.assert_array_equal(there.parts[0].uvs[0], here.parts[0].uvs[0])
+    assert there.metres == 2 and there.cameras[0].name == "eye"
+
+
+def test_a_reader_that_does_not_survive_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.usda").write_text("#usda 1.0\n" + mesh())
+    monkeypatch.setattr(usd, "_PROGRAM", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
+    with pytest.raises(InputError, match=r"damaged: reading it ended the reader \(SIGSEGV\)"):
+        read_model(tmp_path / "a.usda")
+    monkeypatch.setattr(usd, "_PROGRAM", "import time; time.sleep(60)")
+    monkeypatch.setattr(usd, "_SECONDS", 0.1)
+    with pytest.raises(InputError, match="reading it was given up after 0.1 s"):
+        read_model(tmp_path / "a.usda")
+
+
+def test_a_stage_that_does_not_fit_into_memory_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def read(path: Path) -> Model:
+        raise MemoryError
+
+    monkeypatch.setattr("stratalux.scenes.formats.usd.stage.read_stage", read)
+    kind, reason, told = process.answer(tmp_path / "a.usda")
+    assert (kind, told) == ("refused", []) and "its data do not fit into memory" in reason

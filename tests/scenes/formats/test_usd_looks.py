@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from stratalux.errors import SceneWarning
-from stratalux.scenes.formats import read_model
 from stratalux.scenes.model import Light, Material, Model, Texture, Value
 from tests.scenes.formats.test_usd import mesh
 
 pytest.importorskip("pxr")
+from stratalux.scenes.formats.usd.stage import read_stage
 
 
 def model(folder: Path, text: str, head: str = "") -> Model:
     path = folder / "scene.usda"
     path.write_text(f"#usda 1.0\n(\n{head}\n)\n{text}\n{mesh(name='other')}")
-    return read_model(path)
+    return read_stage(path)
 
 
 def shader(kind: str, inputs: str = "", name: str = "surface", outputs: str = "token outputs:surface") -> str:
@@ -28,7 +28,8 @@ def shader(kind: str, inputs: str = "", name: str = "surface", outputs: str = "t
 
 def preview(inputs: str, more: str = "", name: str = "m") -> str:
     surface = shader("UsdPreviewSurface", inputs)
-    return f'def Material "{name}"\n{{\ntoken outputs:surface.connect = </{name}/surface.outputs:surface>\n{surface}{more}}}\n'
+    output = f"token outputs:surface.connect = </{name}/surface.outputs:surface>"
+    return f'def Material "{name}"\n{{\n{output}\n{surface}{more}}}\n'
 
 
 def image(inputs: str = "", name: str = "image", file: str = "wood.png") -> str:
@@ -156,9 +157,8 @@ def test_coordinates_of_textures(tmp_path: Path) -> None:
     more += shader("UsdPrimvarReader_float2", reader, "reader", "float2 outputs:result")
     text = preview(inputs, more).replace("{\n", '{\nstring inputs:which = "second"\n', 1)
     found = texture(bound(tmp_path, text).base_colour)
-    up = np.array([0.25, 0.5]) * [2, 4]
-    up = np.array([-up[1], up[0]]) + [0.5, 0]
-    np.testing.assert_allclose(np.array(found.transform) @ [0.25, 1 - 0.5, 1], [up[0], 1 - up[1]])
+    u, v = -0.5 * 4 + 0.5, 0.25 * 2
+    np.testing.assert_allclose(np.array(found.transform) @ [0.25, 1 - 0.5, 1], [u, 1 - v])
     assert found.uv_set == 1
     sets = "texCoord2f[] primvars:st = [(0.25, 0.5)]\ntexCoord2f[] primvars:second = [(0.5, 0.125)]"
     part = model(tmp_path, text + mesh("rel material:binding = </m>\n" + sets)).parts[0]
@@ -202,7 +202,7 @@ def test_a_package_holds_its_textures(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "scene.usdz", "w", zipfile.ZIP_STORED) as package:
         package.writestr("scene.usda", "#usda 1.0\n" + text)
         package.writestr("textures/wood.png", b"an image")
-    found = read_model(tmp_path / "scene.usdz").parts[0].material
+    found = read_stage(tmp_path / "scene.usdz").parts[0].material
     assert found is not None
     picture = texture(found.base_colour).picture
     assert picture.data == b"an image" and picture.name == "wood.png" and picture.path is None
@@ -280,7 +280,7 @@ def seen(found: Light, u: float, v: float) -> np.ndarray:
 
 
 def test_a_dome_is_turned_as_openexr_says(tmp_path: Path) -> None:
-    """Its "Latitude-Longitude Map": longitude 0, in the middle, is along z, and longitude pi/2, on the left, along x."""
+    """Its "Latitude-Longitude Map": longitude 0, in the middle, is along z, and longitude 90, on the left, along x."""
     (tmp_path / "sky.exr").write_bytes(b"")
     found = light(tmp_path, "DomeLight", "asset inputs:texture:file = @sky.exr@\nfloat inputs:intensity = 2")
     assert found.kind == "dome" and found.colour == (2, 2, 2)
