@@ -2,7 +2,8 @@
 
 They are read here and not by a library. trimesh fans concave polygons, refuses lists of different lengths and bytes
 behind the end, and counts negative indices from the end of the file; of glTF it ignores what is quantised, instanced,
-morphed or skinned. plyfile is under the GPL. Mitsuba's own loaders are single precision and know triangles alone.
+morphed or skinned. plyfile is under the GPL. Mitsuba's own loaders are single precision and know triangles alone. USD
+alone is read by a library, its own.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from pathlib import Path
 
 from ...errors import InputError
 from ..model import Model
-from . import gltf, obj, off, ply, stl
+from . import gltf, obj, off, ply, stl, usd
 
 READERS: dict[str, Callable[[Path], Model]] = {
     ".glb": gltf.read,
@@ -21,11 +22,15 @@ READERS: dict[str, Callable[[Path], Model]] = {
     ".off": off.read,
     ".ply": ply.read,
     ".stl": stl.read,
+    ".usd": usd.read,
+    ".usda": usd.read,
+    ".usdc": usd.read,
+    ".usdz": usd.read,
 }
 
 
 def read_model(path: str | Path) -> Model:
-    """The shapes of a .glb, .gltf, .obj, .off, .ply or .stl file, in the coordinates of the file.
+    """What a file of one of the :data:`READERS` holds, in the coordinates of the file.
 
     What the file says and a model cannot hold is told in a :class:`SceneWarning`. Raises :class:`InputError` for a file
     that is missing, unreadable, truncated, of another format, or without a surface.

@@ -23,10 +23,29 @@ class Table(NamedTuple):
     values: Floats
     corners: Indices | None = None
 
+    def of(self, vertices: Indices) -> Floats:
+        """The value of each corner, (C, K), by its vertex."""
+        found: Floats = self.values[vertices if self.corners is None else self.corners]
+        return found
+
 
 def of_faces(values: Floats, sizes: Indices) -> Table:
     """Values (P, K) of polygons, which all corners of a polygon share."""
     return Table(values, np.repeat(np.arange(len(sizes)), sizes))
+
+
+def merged(values: Floats) -> Table:
+    """Values (C, K) of corners, of which equal ones are kept once."""
+    bits = np.ascontiguousarray(values, dtype=np.float64).view(np.uint64)
+    keys = np.zeros(len(bits), dtype=np.uint64)
+    for column in bits.T:
+        keys = (keys ^ (keys >> np.uint64(29)) ^ column) * np.uint64(0x9E3779B97F4A7C15)
+    _, first, index = np.unique(keys, return_index=True, return_inverse=True)
+    index = index.reshape(-1)
+    if not np.array_equal(bits[first][index], bits):
+        # Different values have the same key.
+        return Table(values, np.arange(len(values)))
+    return Table(values[first], index)
 
 
 def parts_of_polygons(

@@ -20,7 +20,7 @@ from ....errors import InputError, SceneWarning
 from ...model import NONE, ONE, Floats, Indices, Material, Model, Picture, Texture, Value
 from ...polygons import strip
 from ..beside import file_beside
-from ..surface import Table, of_faces, parts_of_polygons
+from ..surface import Table, merged, of_faces, parts_of_polygons
 from ..text import linear, with_alpha
 from .tables import List, Tables, read_tables
 
@@ -87,11 +87,11 @@ def _coordinates(tables: Tables, sizes: Indices) -> Table | None:
         # A face may have none, or those of several textures, of which nobody knows the order.
         fits = listed.counts == 2 * sizes[: len(listed.counts)]
         values = listed.values[np.repeat(fits, listed.counts)].astype(np.float64).reshape(-1, 2)
-        pairs, index = np.unique(values.copy().view(np.complex128), return_inverse=True)
+        pairs, index = merged(values)
         has = np.repeat(np.concatenate([fits, np.zeros(len(sizes) - len(fits), dtype=bool)]), sizes)
         numbers = np.full(int(sizes.sum()), -1)
-        numbers[has] = index.reshape(-1)
-        return Table(np.stack([pairs.real, 1 - pairs.imag], axis=1), numbers)
+        numbers[has] = index
+        return Table(np.stack([pairs[:, 0], 1 - pairs[:, 1]], axis=1), numbers)
     for names in _COORDINATES:
         found = _columns(tables.values.get("vertex", {}), *names)
         if found is not None:
