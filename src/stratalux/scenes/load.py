@@ -115,7 +115,7 @@ def _of_object(
     scene = mi.load_dict(
         {
             "type": "scene",
-            "sensor": sensor(camera, found.points(), found.cameras, camera.size or USUAL_SIZE),
+            "sensor": sensor(camera, found.points(), found.cameras, camera.size or USUAL_SIZE, origin=found.origin),
             **assembled(path, found, shown.material, max_memory),
             "ground": matte_ground(found.bounds),
             **({} if emitter is None else {"emitter": emitter}),
