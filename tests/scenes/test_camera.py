@@ -86,6 +86,16 @@ def test_a_point_is_where_it_is_by_hand(camera: Camera, size: tuple[int, int], p
         assert misses(one, *pixel, POINT - [7, 0, 0]) < 1e-5
 
 
+def test_a_parallel_view_begins_above_the_ground_unless_that_shows_more() -> None:
+    down = np.array([[1, 0, 0, 0], [0, 0.8, 0.6, 3], [0, -0.6, 0.8, 4], [0, 0, 0, 1.0]])
+    flat = Camera(down, height=20.0)
+    origin, direction = through(sensor(CameraSettings(), CUBE, [flat], (20, 20)), 10, 19)
+    assert origin[1] > 1 and direction[1] < 0
+    # Something is behind it, and is not in the picture of the file either.
+    origin, _ = through(sensor(CameraSettings(), [*CUBE, [0, 9, 9]], [flat], (20, 20)), 10, 10)
+    np.testing.assert_allclose(origin, [0, 3, 4], atol=0.02)
+
+
 def test_the_picture_is_not_mirrored_either() -> None:
     one = sensor(CameraSettings(), CUBE, [CAMERA], (40, 20), 16)
     ball = {"type": "sphere", "center": POINT.tolist(), "radius": 0.2, "e": {"type": "area", "radiance": 1.0}}

@@ -32,6 +32,8 @@ _NEAR, _FAR = 1e-2, 1e4
 """Mitsuba's own limits of what is seen."""
 _RIGID = 1e-3
 """How much the axes of a camera may differ from perpendicular ones of equal length: single precision and some more."""
+_BACK = 10.0
+"""How far an orthographic camera is moved back, in distances of the object's furthest point."""
 _LISTED = 20
 
 Matrix = npt.NDArray[np.float64]
@@ -79,6 +81,9 @@ def sensor(
         raise InputError("focus: all is sharp without a lens; give its aperture, too")
     seen = (points - matrix[:3, 3]) @ matrix[:3, :3]
     reach = float(np.linalg.norm(seen, axis=1).max())
+    if lens["type"] == "orthographic" and seen[:, 2].min() > 0:
+        # From further back it sees the same of the object, and does not begin below the ground.
+        matrix[:3, 3] -= _BACK * reach * matrix[:3, 2]
     if aperture:
         focus = _nearest(seen, lens, aspect) if focus is None else focus
         lens |= {"type": "thinlens", "aperture_radius": aperture, "focus_distance": focus}
