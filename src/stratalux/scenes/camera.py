@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import mitsuba as mi
@@ -33,8 +32,9 @@ _NEAR, _FAR = 1e-2, 1e4
 """Mitsuba's own limits of what is seen."""
 _RIGID = 1e-3
 """How much the axes of a camera may differ from perpendicular ones of equal length: single precision and some more."""
+_BACK = 10.0
+"""How far an orthographic camera is moved back, in distances of the object's furthest point."""
 _LISTED = 20
-_ASPECT_TOLERANCE = 1e-6
 
 Matrix = npt.NDArray[np.float64]
 
@@ -46,11 +46,13 @@ def sensor(
     size: tuple[int, int] = (600, 400),
     spp: int = 64,
     sampler: str = "independent",
+    origin: npt.ArrayLike = (0.0, 0.0, 0.0),
 ) -> dict[str, Any]:
     """The dictionary of a Mitsuba sensor, with its film and its sampler.
 
     ``points``: vertices (N, 3) of the object, y up, and ``cameras`` those of the file, both in the scene's coordinates.
-    ``size``: (width, height) of the film in pixels; ``spp``: samples per pixel of the ``sampler``.
+    ``size``: (width, height) of the film in pixels; ``spp``: samples per pixel of the ``sampler``. ``origin`` (3,):
+    where that of the scene is in the coordinates that the settings speak of.
 
     Through a camera of the file, at least what it frames is seen: on a film that is wider than the camera, its height
     is that of the picture, and on a narrower one its width. Without such a camera, see :func:`camera_frame`. Warns with
@@ -62,7 +64,7 @@ def sensor(
     points = np.asarray(points, dtype=np.float64)
     chosen = _chosen(camera, cameras)
     if chosen is None:
-        matrix = _framing(camera, points, aspect)
+        matrix = _framing(camera, points, aspect, np.asarray(origin, dtype=np.float64))
         lens: dict[str, Any] = {"type": "perspective", "fov": _fov(camera), "fov_axis": "smaller"}
         aperture, focus = camera.aperture or 0.0, camera.focus
     else:
@@ -79,6 +81,9 @@ def sensor(
         raise InputError("focus: all is sharp without a lens; give its aperture, too")
     seen = (points - matrix[:3, 3]) @ matrix[:3, :3]
     reach = float(np.linalg.norm(seen, axis=1).max())
+    if lens["type"] == "orthographic" and seen[:, 2].min() > 0:
+        # From further back it sees the same of the object, and does not begin below the ground.
+        matrix[:3, 3] -= _BACK * reach * matrix[:3, 2]
     if aperture:
         focus = _nearest(seen, lens, aspect) if focus is None else focus
         lens |= {"type": "thinlens", "aperture_radius": aperture, "focus_distance": focus}
@@ -168,7 +173,7 @@ def _of_file(camera: Camera, name: str, aspect: float) -> tuple[Matrix, dict[str
         return matrix, {"type": "orthographic", "scale": (half, half)}
     if not 0 < camera.fov < np.pi:
         raise InputError(f"{name}: a field of view of {np.degrees(camera.fov):g} degrees is none; correct the file")
-    if aspect >= own * (1 - _ASPECT_TOLERANCE):
+    if aspect >= own:
         return matrix, {"type": "perspective", "fov": float(np.degrees(camera.fov)), "fov_axis": "y"}
     across = 2 * np.arctan(own * np.tan(camera.fov / 2))
     return matrix, {"type": "perspective", "fov": float(np.degrees(across)), "fov_axis": "x"}
@@ -204,16 +209,6 @@ def _rigid(camera: Camera, name: str) -> Matrix:
     return matrix
 
 
-def moved(camera: Camera, matrix: npt.ArrayLike) -> Camera:
-    """The camera where a similarity ``matrix`` (4, 4) takes it, with all of its lengths."""
-    matrix = np.asarray(matrix, dtype=np.float64)
-    scale = float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
-    there = matrix @ camera.matrix
-    there[:3, :3] /= scale
-    height, focus = (None if length is None else length * scale for length in (camera.height, camera.focus))
-    return replace(camera, matrix=there, height=height, aperture=camera.aperture * scale, focus=focus)
-
-
 # ------------------------------- A camera that frames the object -------------------------------
 
 
@@ -221,7 +216,7 @@ def _fov(camera: CameraSettings) -> float:
     return FIELD_OF_VIEW_DEGREES if camera.fov is None else camera.fov
 
 
-def _framing(camera: CameraSettings, points: Matrix, aspect: float) -> Matrix:
+def _framing(camera: CameraSettings, points: Matrix, aspect: float, origin: Matrix) -> Matrix:
     azimuth, elevation, *distance = camera.orbit or (AZIMUTH_DEGREES, ELEVATION_DEGREES)
     if camera.look_at is None:
         frame = camera_frame(points, aspect, azimuth, elevation, _fov(camera))
@@ -230,15 +225,16 @@ def _framing(camera: CameraSettings, points: Matrix, aspect: float) -> Matrix:
             depth = (middle - frame[:3, 3]) @ frame[:3, 2]
             frame[:3, 3] += (depth - distance[0]) * frame[:3, 2]
         return frame
+    target = np.array(camera.look_at) - origin
     frame = np.eye(4)
     frame[:3, :3] = _axes(azimuth, elevation)
-    seen = (points - np.array(camera.look_at)) @ frame[:3, :3]
+    seen = (points - target) @ frame[:3, :3]
     if not distance:
         needed = float(np.max(np.abs(seen[:, :2]) / _slope(aspect, _fov(camera)) - seen[:, 2:]))
         least = _least_distance(points)
         # Where all of the object is behind the point, no distance is needed, and the point still has to be seen.
         distance = [max(needed, least - float(seen[:, 2].min()), least)]
-    frame[:3, 3] = np.array(camera.look_at) - distance[0] * frame[:3, 2]
+    frame[:3, 3] = target - distance[0] * frame[:3, 2]
     return frame
 
 

@@ -143,10 +143,11 @@ def _of_object(
     """The scene of a file that is none itself: an object on a ground, in front of a camera, and its own lights."""
     if emitter is None and (dome := next((light for light in found.lights if light.kind == "dome"), None)):
         emitter = dome_emitter(path, dome, max_memory)
+    size = camera.size or USUAL_SIZE
     scene = mi.load_dict(
         {
             "type": "scene",
-            "sensor": _with_alpha(sensor(camera, found.points(), found.cameras, camera.size or USUAL_SIZE)),
+            "sensor": _with_alpha(sensor(camera, found.points(), found.cameras, size, origin=found.origin)),
             **assembled(path, found, shown.material, max_memory),
             **_ground(shown.ground or "catcher", found.bounds),
             **({} if emitter is None else {"emitter": emitter}),

@@ -313,14 +313,14 @@ class CameraSettings(Settings):
     orbit: tuple[float, ...] | None = option(
         None,
         "Instead, a camera around what is looked at: degrees from +z (counter-clockwise seen from above) and above the "
-        "horizon, and the distance, by default the closest that frames the object.",
+        "horizon, and the distance in the file's units, by default the closest that frames the object.",
         "--orbit",
         kind=ORBIT,
         default_text="30,17",
     )
     look_at: tuple[float, ...] | None = option(
         None,
-        "Point that this camera looks at, in the scene's units.",
+        "Point that this camera looks at, in the file's units, y up.",
         "--look-at",
         kind=POINT,
         default_text="the object's middle",
@@ -335,7 +335,7 @@ class CameraSettings(Settings):
     )
     aperture: float | None = option(
         None,
-        "Radius of the lens in the scene's units; what is out of focus gets blurred.",
+        "Radius of the lens in the file's units; what is out of focus gets blurred.",
         "--aperture",
         minimum=0.0,
         maximum=MOST_LENGTH,
