@@ -329,7 +329,7 @@ def spoil() -> None:
         ("render demo --variant nonsense", "nonsense"),
         ("render demo -o no/such/place.exr", "cannot be written"),
         ("render demo -o folder.exr", "is a folder"),
-        ("render demo -o a.tiff", "unknown image format"),
+        ("render demo -o a.gif", "unknown image format"),
         ("render demo -D radius", "name=value"),
         (f"render demo -o {'x' * 252}.exr", "the name has 256 bytes"),
         ("render demo -o \udcff.exr", "the name is not UTF-8"),
