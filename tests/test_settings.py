@@ -20,7 +20,7 @@ from stratalux import InputError, PictureSettings
 from stratalux.bench import BenchSettings
 from stratalux.cli.flags import flags
 from stratalux.comparison.settings import ComparisonSettings
-from stratalux.images.settings import OutputSettings
+from stratalux.images.settings import VIEW_NAMES, OutputSettings
 from stratalux.rendering.settings import GROUPS, MachineSettings, SamplingSettings
 from stratalux.reproduce.request import ReproductionSettings
 from stratalux.scenes.materials import MATERIALS
@@ -67,7 +67,13 @@ samplings = st.builds(
     seed=st.integers(0, (1 << 32) - 1),
     hide_emitters=st.booleans(),
 )
-outputs = st.builds(OutputSettings, exposure=st.none() | st.floats(-100, 100))
+outputs = st.builds(
+    OutputSettings,
+    exposure=st.none() | st.floats(-100, 100),
+    view=st.sampled_from(VIEW_NAMES),
+    bits=st.sampled_from([8, 16]),
+    float32=st.booleans(),
+)
 machines = st.builds(MachineSettings, variant=st.none() | st.just("llvm_ad_mono"))
 pictures = st.builds(
     PictureSettings, scene=scenes, camera=cameras, sampling=samplings, output=outputs, machine=machines
@@ -171,6 +177,11 @@ def test_numbers_of_numpy_and_paths_are_taken(tmp_path: Any) -> None:
         ({"seed": -1}, "seed: -1 is too small"),
         ({"strata": 0}, "strata: 0 is too small; give at least 1"),
         ({"exposure": 1e300}, "exposure: 1e.300 is too large"),
+        ({"exposure": -101}, "exposure: -101 is too small; give at least -100"),
+        ({"exposure": "auto"}, "exposure: 'auto' is no number of stops"),
+        ({"view": "sepia"}, "view: 'sepia' is unknown; use one of reinhard, standard"),
+        ({"bits": 12}, "bits: 12 is none of 8, 16"),
+        ({"bits": True}, "bits: True is none of"),
         ({"exposure": float("nan")}, "exposure: nan is not a finite number"),
         ({"scale": float("inf")}, "scale: inf is not a finite number"),
         ({"scale": -1}, "scale: -1.0 is too small"),

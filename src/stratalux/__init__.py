@@ -14,6 +14,7 @@ from .lazy import lazily
 if TYPE_CHECKING:
     from .comparison.compare import Comparison, compare
     from .errors import EnvironmentMapWarning, InputError
+    from .images.develop import develop
     from .maps.envmap import EnvironmentMap
     from .maps.median_cut import median_cut
     from .maps.regions import Regions, describe_regions, region_content
@@ -31,6 +32,7 @@ __all__ = [
     "RenderResult",
     "compare",
     "describe_regions",
+    "develop",
     "load_scene",
     "median_cut",
     "region_content",
@@ -48,6 +50,7 @@ _PLACES = {
     "Regions": ".maps.regions",
     "RenderResult": ".rendering.passes",
     "describe_regions": ".maps.regions",
+    "develop": ".images.develop",
     "load_scene": ".scenes.load",
     "median_cut": ".maps.median_cut",
     "region_content": ".maps.regions",

@@ -16,5 +16,9 @@ class EnvironmentMapWarning(UserWarning):
     """Something in a map was repaired or is unusual."""
 
 
+class ImageWarning(UserWarning):
+    """Something of an image was left out, replaced or repaired when it was read or written."""
+
+
 class SceneWarning(UserWarning):
     """Something that a scene's file says is not shown, or was replaced or repaired."""

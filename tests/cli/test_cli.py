@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 
 from stratalux.cli import COMMANDS
+from stratalux.images.reading import read_image
 from stratalux.integrators.techniques import techniques
 from stratalux.rendering import variants
 from stratalux.rigs import RIGS
@@ -85,6 +87,7 @@ def test_a_picture_is_made_again_from_what_its_file_remembers(
     import stratalux
 
     asked = ("--env", "map.exr", "--env-rotate=-30", "--material", "copper", "--up", "-z", "--seed", "7", "-N", "6")
+    asked += ("--float32", "--view", "agx", "--exposure", "-0.5", "--bits", "16")
     assert run(monkeypatch, "render", "mesh.obj", *asked, "--size", "24x16", "--spp", "3", "-o", "a.exr", "-q") == 0
     image = np.array(mi.Bitmap("a.exr"))
     assert run(monkeypatch, "settings", "a.exr") == 0
@@ -98,6 +101,46 @@ def test_a_picture_is_made_again_from_what_its_file_remembers(
     assert run(monkeypatch, "settings", "again.exr", "--json") == 0
     remembered = json.loads(capsys.readouterr().out)
     assert remembered == result.picture.to_json() and remembered["scene"]["rotate"] == [0, -30, 0]
+
+
+def test_one_exposure_is_told_and_goes_for_all_pictures(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ("render", "mesh.obj", "--env", "map.exr", "--exposure", "auto", "--view", "standard", *SMALL)
+    assert run(monkeypatch, *arguments, "-o", "a.exr", "-o", "a.png", "-o", "a.tif") == 0
+    told = re.search(
+        r"wrote a.exr, a.png, a.tif; exposure ([+-]\d+\.\d\d) stops \(automatic\)", capsys.readouterr().out
+    )
+    assert told is not None
+    pictures = [np.array(read_image(name).pixels) for name in ("a.png", "a.tif")]
+    assert np.array_equal(*pictures)
+    assert run(monkeypatch, "develop", "a.exr", "-o", "b.png", "--view", "standard", f"--exposure={told[1]}") == 0
+    assert f"wrote b.png; exposure {told[1]} stops\n" in capsys.readouterr().out
+    np.testing.assert_allclose(read_image("b.png").pixels, pictures[0], atol=0.02)
+    assert run(monkeypatch, "develop", "a.exr", "map.exr", "-o", "x-{}.jpg", "--view", "aces") == 0
+    assert "wrote x-a.jpg, x-map.jpg; exposure" in capsys.readouterr().out
+    assert run(monkeypatch, "render", "mesh.obj", "--env", "map.exr", *SMALL, "-o", "a.exr") == 0
+    assert "exposure" not in capsys.readouterr().out
+
+
+def test_the_film_of_a_scene_may_ask_for_32_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = Path("scene.xml").read_text()
+    precise = '<film type="hdrfilm"><string name="component_format" value="float32"/>'
+    Path("precise.xml").write_text(text.replace('<film type="hdrfilm">', precise))
+    for source, asked, kind in (
+        ("scene", (), np.float16),
+        ("scene", ("--float32",), np.float32),
+        ("precise", (), np.float32),
+    ):
+        assert run(monkeypatch, "render", f"{source}.xml", *asked, *SMALL[2:], "-o", "a.exr", "-q") == 0
+        assert np.array(mi.Bitmap("a.exr")).dtype == kind
+
+
+def test_a_sun_beyond_half_is_told(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    mi.Bitmap(np.full((8, 16, 3), 1e5, dtype=np.float32)).write("bright.exr")
+    assert run(monkeypatch, "render", "scene.xml", "--env", "bright.exr", "--spp", "1", "-o", "a.exr", "-q") == 0
+    error = capfd.readouterr().err
+    assert error.count("\n") == 1 and "pixel(s) above 65504 are written as that; --float32 keeps them" in error
 
 
 def test_the_map_of_a_scene_is_replaced_turned_and_scaled(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -340,7 +383,27 @@ def spoil() -> None:
         ("render demo --variant nonsense", "nonsense"),
         ("render demo -o no/such/place.exr", "cannot be written"),
         ("render demo -o folder.exr", "is a folder"),
-        ("render demo -o a.tiff", "unknown image format"),
+        ("render demo -o a.gif", "unknown image format"),
+        ("render demo -o a.png -o a.jpeg --bits 16", "a.jpeg: has no 16 bits; write one of .png, .tif, .tiff"),
+        ("render demo -o a.png --bits 12", "bits: 12 is none of 8, 16"),
+        ("render demo -o a.png --bits many", "none of 8, 16"),
+        ("render demo -o a.png -o a.hdr --float32", "--float32: no output has a choice of 32 bits"),
+        ("render demo -o a.webp --size 16384x1", "a.webp: has at most 16383 pixels along a side"),
+        ("render demo --view sepia", "sepia"),
+        ("render demo --exposure dim", "'dim' is no exposure; write a number of stops, or auto"),
+        ("render demo --exposure nan", "not a finite number"),
+        ("develop map.exr -o a.exr", "a.exr: unknown image format '.exr'; use one of .png, .jpg"),
+        ("develop map.exr", "--output"),
+        ("develop -o a.png", "IMAGE"),
+        ("develop none.exr -o a.png", "none.exr: no such file"),
+        ("develop map.exr text.exr -o {}.png", "text.exr: cannot be read as an image"),
+        ("develop map.exr text.exr -o full/", "text.exr: cannot be read as an image"),
+        ("develop map.exr map.exr -o a.png", "a.png: is one name for 2 pictures"),
+        ("develop map.exr -o pipe/", "pipe/: no such folder"),
+        ("develop map.exr -o a.webp --bits 16", "a.webp: has no 16 bits"),
+        ("develop map.exr -o a.png --max-memory 1K", "max-memory"),
+        ("develop mesh.obj -o a.png", "mesh.obj: cannot be read as an image"),
+        ("stratify map.exr -o a.png --view sepia", "sepia"),
         ("render demo -D radius", "name=value"),
         (f"render demo -o {'x' * 252}.exr", "the name has 256 bytes"),
         ("render demo -o \udcff.exr", "the name is not UTF-8"),

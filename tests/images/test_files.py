@@ -1,15 +1,14 @@
-"""Image files and tone mapping."""
+"""Names of files, and tone mapping."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import mitsuba as mi
 import numpy as np
 import pytest
 
 from stratalux import EnvironmentMap, InputError, median_cut
-from stratalux.images.files import check_output, write_atomically, write_image
+from stratalux.images.files import check_output, write_atomically
 from stratalux.images.tonemap import auto_exposure, tonemap
 from stratalux.rigs.picture import draw_regions
 from tests.helpers import hall_map
@@ -37,18 +36,10 @@ def test_tonemap_survives_bad_pixels() -> None:
     assert tonemap(pixels, 0).shape == (1, 3, 3)
 
 
-@pytest.mark.parametrize("name", ["a.exr", "a.png", "a.jpg", "a.hdr", "a.pfm"])
-def test_writes_every_format_it_promises(tmp_path: Path, name: str) -> None:
-    pixels = np.random.default_rng(0).random((6, 8, 3)).astype(np.float32)
-    write_image(tmp_path / name, mi.Bitmap(pixels), {"spp": 4})
-    assert np.array(mi.Bitmap(str(tmp_path / name))).shape == (6, 8, 3)
-    assert [p.name for p in tmp_path.iterdir()] == [name]
-
-
 def test_unwritable_places_are_refused(tmp_path: Path) -> None:
     for path, message in (
         (tmp_path / "no" / "a.exr", "cannot be written"),
-        (tmp_path / "a.tiff", "unknown image format"),
+        (tmp_path / "a.gif", "unknown image format"),
         (tmp_path, "unknown image format"),
         (Path("/proc/a.exr"), "cannot be written"),
     ):

@@ -8,8 +8,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from stratalux.images.files import write_image
-from stratalux.images.tonemap import filled, srgb, tonemap
+from stratalux.images.tonemap import auto_exposure, filled, srgb, tonemap
+from stratalux.images.writing import write_image
 
 KNOWN = {
     0.0: 0,
@@ -63,14 +63,14 @@ def test_nothing_but_holes_is_black() -> None:
     assert np.array_equal(filled(np.array([[[-1, 2, 3]]], dtype=np.float32)), [[[0, 2, 3]]])
 
 
-@pytest.mark.parametrize("suffix", [".hdr", ".pfm", ".png"])
-@pytest.mark.parametrize("channels", [1, 2, 4])
-def test_formats_of_colours_take_any_film(tmp_path: Path, suffix: str, channels: int) -> None:
-    """Luminance is grey, and alpha is left out."""
-    pixels = np.full((4, 5, channels), 0.25, dtype=np.float32)
-    kinds = {1: mi.Bitmap.PixelFormat.Y, 2: mi.Bitmap.PixelFormat.YA, 4: mi.Bitmap.PixelFormat.RGBA}
-    write_image(tmp_path / f"a{suffix}", mi.Bitmap(pixels, kinds[channels]), exposure=0)
-    written = np.array(mi.Bitmap(str(tmp_path / f"a{suffix}")))
-    assert written.shape == (4, 5, 3)
-    if suffix != ".png":
-        np.testing.assert_allclose(written, 0.25)
+def test_a_weight_meters_the_object_alone() -> None:
+    pixels = np.full((4, 5, 3), 8, dtype=np.float32)
+    pixels[:2] = 0.5
+    weight = np.zeros((4, 5))
+    weight[:2] = 1
+    assert auto_exposure(pixels, weight) == pytest.approx(np.log2(0.18 / 0.5), abs=1e-5)
+    assert auto_exposure(pixels, np.ones((4, 5))) == auto_exposure(pixels)
+    assert auto_exposure(pixels) == pytest.approx(np.log2(0.18 / 2), abs=1e-5)
+    weight[:2], weight[2:] = 3, 1
+    assert auto_exposure(pixels, weight) == pytest.approx(np.log2(0.18 / 1), abs=1e-5)
+    assert auto_exposure(pixels, np.zeros((4, 5))) == 0

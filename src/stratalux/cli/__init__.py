@@ -11,10 +11,11 @@ from importlib import import_module
 
 import click
 
-from ..errors import CacheWarning, EnvironmentMapWarning, InputError, SceneWarning
+from ..errors import CacheWarning, EnvironmentMapWarning, ImageWarning, InputError, SceneWarning
 
 COMMANDS = {
     "render": "Render a scene, a mesh or the demo.",
+    "develop": "Make pictures of images that are there.",
     "settings": "Print the command that makes an image again.",
     "compare": "Compare techniques at equal rays and at equal time.",
     "reproduce": "Compute the paper's figures and numbers again.",
@@ -62,6 +63,7 @@ def cli(ctx: click.Context, debug: bool) -> None:
       stratalux render demo -o demo.png
       stratalux render buddha.ply --env venice.hdr --material gold -o buddha.exr
       stratalux render scene.xml --spp 128 -o scene.exr
+      stratalux develop scene.exr --view agx -o scene.png
       stratalux settings scene.exr
       stratalux compare demo --technique stratified --technique direct --rays 16,64
       stratalux reproduce --quick
@@ -155,5 +157,5 @@ def _show_warning(
     file: object = None,
     line: str | None = None,
 ) -> None:
-    if issubclass(category, (EnvironmentMapWarning, SceneWarning, CacheWarning)):
+    if issubclass(category, (EnvironmentMapWarning, ImageWarning, SceneWarning, CacheWarning)):
         print(f"stratalux: warning: {_one_line(str(message))}", file=sys.stderr)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     "outputs",
     multiple=True,
     metavar="FILE",
-    help="File to write, .exr or .png; repeat for several.  [default: SCENE.exr]",
+    help="File to write, .exr .png .jpg .webp .tif .hdr or .pfm; repeat for several.  [default: SCENE.exr]",
 )
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 @click.option("-v", "--verbose", is_flag=True, help="Show Mitsuba's log.")
@@ -63,12 +63,15 @@ def render(
       stratalux render demo --technique importance:samples=32,proposals=128 -o importance.png
       stratalux render matpreview.xml -D spp=64 --env forest.hdr --env-rotate 90 -o preview.exr
     """
-    from ..images.files import check_different, check_output
+    from ..images.files import check_bits, check_different, check_float32, check_output, is_picture
 
     if quiet and verbose:
         raise click.UsageError("--quiet and --verbose: one asks for nothing, the other for Mitsuba's log; give one")
     check_source(scene.source)
     paths = [check_output(path) for path in outputs or (f"{Path(scene.source).stem}.exr",)]
+    for path in paths:
+        check_bits(path, image)
+    check_float32(paths, image)
     check_different(paths, [scene.source, *([scene.environment] if scene.environment else [])])
     picture = PictureSettings(scene, camera, sampling, image, machine)
     result, stopped = _watch(lambda: _passes(picture, paths, verbose), sampling, quiet=quiet)
@@ -77,8 +80,9 @@ def render(
         sys.exit(130)
     if lost := _without_numbers(result):
         print(f"stratalux: warning: {lost} pixel(s) are not finite numbers; something is too bright", file=sys.stderr)
+    stops = result.exposure if any(is_picture(path, result.output) for path in paths) else None
     for path in paths:
-        result.write(path)
+        result.write(path, **({} if stops is None else {"exposure": stops}))
     if not quiet:
         rays = result.camera_rays + result.shadow_rays
         seconds = max(result.seconds, 1e-9)
@@ -88,8 +92,9 @@ def render(
             f"up to {rays / 1e6:.1f} M rays, {rays / seconds / 1e6:.1f} M rays/s, "
             f"{result.camera_rays / seconds / 1e6:.2f} M samples/s"
         )
-        size = f" (the object is {result.measure})" if result.measure else ""
-        click.echo("wrote " + ", ".join(map(str, paths)) + size)
+        exposed = "" if stops is None or image.exposure is not None else f"; exposure {stops:+.2f} stops (automatic)"
+        size = f"; the object is {result.measure}" if result.measure else ""
+        click.echo("wrote " + ", ".join(map(str, paths)) + exposed + size)
     if stopped:
         sys.exit(130)
 
@@ -109,11 +114,11 @@ def _passes(picture: PictureSettings, paths: list[Path], verbose: bool) -> Itera
 
 def _checked(passes: Iterator[RenderResult], paths: list[Path]) -> Iterator[RenderResult]:
     """The passes, after a look whether the formats of ``paths`` can hold the film's channels."""
-    from ..images.files import check_channels
+    from ..images.files import check_film
 
     for result in passes:
         for path in paths:
-            check_channels(path, result.bitmap.channel_count())
+            check_film(path, result.bitmap.width(), result.bitmap.height(), result.bitmap.channel_count())
         yield result
 
 

@@ -6,7 +6,7 @@ import time
 
 import click
 
-from ..images.settings import MemorySettings, OutputSettings
+from ..images.settings import MemorySettings, ViewSettings
 from ..rendering.settings import MOST_STRATA
 from ..rigs import RIGS
 from .flags import flags
@@ -20,15 +20,15 @@ from .output import write_json
     "-n", "-N", "--lights", "n", type=click.IntRange(1, MOST_STRATA), default=64, show_default=True, help="Lights."
 )
 @click.option("-o", "--output", help="The rig as JSON; - for standard output.")
-@click.option("--plot", help="Picture of the map with the lights and their cells (.png, .jpg).")
-@flags(picture=OutputSettings, machine=MemorySettings)
+@click.option("--plot", help="Picture of the map with the lights and their cells (.png, .jpg ...).")
+@flags(picture=ViewSettings, machine=MemorySettings)
 def rig(
     map_file: str,
     method: str,
     n: int,
     output: str | None,
     plot: str | None,
-    picture: OutputSettings,
+    picture: ViewSettings,
     machine: MemorySettings,
 ) -> None:
     """Turn the environment map MAP into N directional lights.
@@ -41,7 +41,8 @@ def rig(
       stratalux rig venice.hdr --method kmeans -n 32 -o rig.json --plot rig.png
       stratalux rig grace.exr --method structured -n 300 -o - | jq '.lights | length'
     """
-    from ..images.files import PICTURE_SUFFIXES, check_different, check_output, check_writable, write_picture
+    from ..images.files import PICTURE_SUFFIXES, check_different, check_output, check_writable
+    from ..images.writing import write_picture
     from ..maps.envmap import EnvironmentMap
     from ..rigs import light_rig
     from ..rigs.picture import draw_rig
@@ -56,7 +57,7 @@ def rig(
     made = light_rig(method, environment, n)
     seconds = time.perf_counter() - start
     if plot is not None:
-        write_picture(plot, draw_rig(environment, made, picture.exposure))
+        write_picture(plot, draw_rig(environment, made, picture))
     if output is not None:
         write_json(output, {"map": map_file, "preprocessing_seconds": seconds, **made.describe()})
     colour = " ".join(f"{c:.4g}" for c in made.total_colour)

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from ..images.settings import MemorySettings, OutputSettings
+from ..images.settings import MemorySettings, ViewSettings
 from ..rendering.settings import MOST_STRATA
 from .flags import flags
 from .output import write_json
@@ -18,15 +18,15 @@ from .output import write_json
 @click.option(
     "-n", "-N", "--strata", "n", type=click.IntRange(1, MOST_STRATA), default=64, show_default=True, help="Regions."
 )
-@click.option("-o", "--output", help="Picture of the map with the borders of the regions (.png, .jpg).")
+@click.option("-o", "--output", help="Picture of the map with the borders of the regions (.png, .jpg ...).")
 @click.option("--json", "json_file", help="The regions as JSON; - for standard output.")
-@flags(picture=OutputSettings, machine=MemorySettings)
+@flags(picture=ViewSettings, machine=MemorySettings)
 def stratify(
     map_file: str,
     n: int,
     output: str | None,
     json_file: str | None,
-    picture: OutputSettings,
+    picture: ViewSettings,
     machine: MemorySettings,
 ) -> None:
     """Cut the environment map MAP into regions of equal energy by median cut (figure 1 of the paper).
@@ -37,7 +37,8 @@ def stratify(
       stratalux stratify grace.exr -n 37 --json regions.json
       stratalux stratify grace.exr -n 16 --json - | jq '.regions[0].direction'
     """
-    from ..images.files import PICTURE_SUFFIXES, check_different, check_output, check_writable, write_picture
+    from ..images.files import PICTURE_SUFFIXES, check_different, check_output, check_writable
+    from ..images.writing import write_picture
     from ..maps.envmap import EnvironmentMap
     from ..maps.median_cut import median_cut
     from ..maps.regions import describe_regions
@@ -53,7 +54,7 @@ def stratify(
     regions = median_cut(environment, n)
     milliseconds = 1000 * (time.perf_counter() - start)
     if output is not None:
-        write_picture(output, draw_regions(environment, regions, picture.exposure))
+        write_picture(output, draw_regions(environment, regions, picture))
     if json_file is not None:
         write_json(json_file, {"map": map_file, **describe_regions(environment, regions)})
     click.echo(_summary(regions, n, milliseconds), err=json_file == "-")

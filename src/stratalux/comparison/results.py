@@ -45,10 +45,9 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-import mitsuba as mi
-
 from ..errors import InputError
-from ..images.files import check_name, check_writable, umask, write_image
+from ..images.files import check_name, check_writable, umask
+from ..images.writing import write_image
 from ..report.html import write_report
 from .curves import draw_curves, why_no_curves
 from .findings import Findings
@@ -196,10 +195,12 @@ def _fill(comparison: Findings, folder: Path) -> None:
         "key": reference.key,
     }
     for suffix in (".exr", ".png"):
-        write_image(folder / f"reference{suffix}", mi.Bitmap(reference.image), about, stops)
+        write_image(folder / f"reference{suffix}", reference.image, about, exposure=stops, float32=True)
         for record in (*comparison.equal_rays, *comparison.equal_time):
-            write_image(folder / f"{record.stem}{suffix}", mi.Bitmap(record.image), _metadata(record), stops)
-    write_image(folder / "reference-standard-error.exr", mi.Bitmap(reference.standard_error), about)
+            write_image(
+                folder / f"{record.stem}{suffix}", record.image, _metadata(record), exposure=stops, float32=True
+            )
+    write_image(folder / "reference-standard-error.exr", reference.standard_error, about, float32=True)
 
     no_curves = why_no_curves()
     if no_curves is None:

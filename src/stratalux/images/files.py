@@ -1,27 +1,52 @@
-"""Image files out; the codecs are Mitsuba's, which is imported only when a file is written. :mod:`.reading` reads."""
+"""Names of files to write: what formats there are, and whether something can be written there. :mod:`.writing` does."""
 
 from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..errors import InputError
-from .tonemap import tonemap
 
 if TYPE_CHECKING:
-    import mitsuba as mi
+    from .settings import OutputSettings, PictureFileSettings
 
-OUTPUT_SUFFIXES = (".exr", ".png", ".jpg", ".hdr", ".pfm")
-PICTURE_SUFFIXES = (".png", ".jpg")
-"""Formats of 8 bits: tone-mapped, no metadata."""
-COLOUR_SUFFIXES = (".hdr", ".pfm")
-"""Formats of numbers that know red, green and blue alone."""
+
+@dataclass(frozen=True)
+class Format:
+    """What a file of a kind can hold.
+
+    ``bits``: the whole numbers of a picture; none where there are linear numbers. ``alpha``: whether there may be
+    alpha. ``channels``: the most. ``longest``: pixels along a side, the most. ``float32``: whether it can be made with
+    linear numbers of 32 bits.
+    """
+
+    bits: tuple[int, ...] = ()
+    alpha: bool = True
+    channels: int = 4
+    longest: int = 1 << 30
+    float32: bool = False
+
+
+_JPEG = Format((8,), alpha=False, longest=65500)
+_TIFF = Format((8, 16), float32=True)
+FORMATS = {
+    ".exr": Format(channels=1 << 10, float32=True),
+    ".png": Format((8, 16)),
+    ".jpg": _JPEG,
+    ".jpeg": _JPEG,
+    ".webp": Format((8,), longest=16383),
+    ".tif": _TIFF,
+    ".tiff": _TIFF,
+    ".hdr": Format(alpha=False),
+    ".pfm": Format(alpha=False),
+}
+OUTPUT_SUFFIXES = tuple(FORMATS)
+PICTURE_SUFFIXES = tuple(suffix for suffix, kind in FORMATS.items() if kind.bits)
+"""Formats of pictures that are looked at: developed, without metadata."""
 
 _LONGEST_NAME = 255
 """Bytes, in the file systems that people have."""
@@ -89,57 +114,38 @@ def _check_given(path: str | Path) -> None:
         raise InputError("the name of the output is empty; give one")
 
 
-def write_image(
-    path: str | Path,
-    bitmap: mi.Bitmap,
-    metadata: Mapping[str, bool | str | int | float] | None = None,
-    exposure: float | None = None,
-) -> None:
-    """Write ``bitmap`` (linear, floating point) by the suffix of ``path``; the file appears complete or not at all.
-
-    OpenEXR files carry ``metadata``. PNG and JPEG files are tone-mapped, see :func:`tonemap`.
-    """
-    import mitsuba as mi
-
-    path = check_output(path)
-    if path.suffix.lower() in PICTURE_SUFFIXES:
-        bitmap = mi.Bitmap(tonemap(_colours(bitmap), exposure))
-    elif path.suffix.lower() in COLOUR_SUFFIXES:
-        bitmap = mi.Bitmap(_colours(bitmap))
-    else:
-        for key, value in (metadata or {}).items():  # whose integers have 32 bits
-            large = isinstance(value, int) and not -(1 << 31) <= value < 1 << 31
-            bitmap.metadata()[key] = str(value) if large else value
-    write_atomically(path, bitmap.write)
+def format_of(path: str | Path) -> Format:
+    """The format that the suffix of ``path`` tells."""
+    return FORMATS[Path(path).suffix.lower()]
 
 
-def check_channels(path: str | Path, channels: int) -> None:
-    """Make sure, before any work is done, that the format of ``path`` can hold a film of so many ``channels``."""
-    if channels > 4 and Path(path).suffix.lower() != ".exr":
+def is_picture(path: str | Path, output: PictureFileSettings) -> bool:
+    """Whether the file is one to be looked at, and not one of linear numbers."""
+    kind = format_of(path)
+    return bool(kind.bits) and not (kind.float32 and getattr(output, "float32", False))
+
+
+def check_bits(path: str | Path, output: PictureFileSettings) -> None:
+    """Make sure, before any work is done, that the format of ``path`` has as many bits as are asked for."""
+    if is_picture(path, output) and output.bits not in format_of(path).bits:
+        able = ", ".join(suffix for suffix, kind in FORMATS.items() if output.bits in kind.bits)
+        raise InputError(f"{path}: has no {output.bits} bits; write one of {able}, or leave --bits out")
+
+
+def check_float32(paths: Sequence[str | Path], output: OutputSettings) -> None:
+    """Make sure that one of the files can be what ``output.float32`` asks for."""
+    if output.float32 and not any(format_of(path).float32 for path in paths):
+        able = ", ".join(suffix for suffix, kind in FORMATS.items() if kind.float32)
+        raise InputError(f"--float32: no output has a choice of 32 bits; write one of {able}, or leave it out")
+
+
+def check_film(path: str | Path, width: int, height: int, channels: int) -> None:
+    """Make sure, before any work is done, that the format of ``path`` can hold a film of that size."""
+    kind = format_of(path)
+    if channels > kind.channels:
         raise InputError(f"{path}: the film has {channels} channels, which only .exr can hold; write that")
-
-
-def _colours(bitmap: mi.Bitmap) -> NDArray[np.float32]:
-    """Linear RGB (H, W, 3) of a bitmap that has that, or luminance; alpha is left out."""
-    pixels = np.array(bitmap, dtype=np.float32)
-    pixels = pixels[..., None] if pixels.ndim == 2 else pixels
-    return np.ascontiguousarray(pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2))
-
-
-def write_picture(path: str | Path, pixels: NDArray[np.uint8]) -> None:
-    """Write 8-bit sRGB pixels (H, W, 3) as .png or .jpg."""
-    import mitsuba as mi
-
-    write_atomically(path, mi.Bitmap(pixels).write)
-
-
-def jpeg(pixels: NDArray[np.uint8], quality: int = 85) -> bytes:
-    """8-bit sRGB pixels (H, W, 3) as a JPEG file."""
-    import mitsuba as mi
-
-    stream = mi.MemoryStream()
-    mi.Bitmap(np.ascontiguousarray(pixels)).write(stream, mi.Bitmap.FileFormat.JPEG, quality)
-    return bytes(stream.raw_buffer())
+    if max(width, height) > kind.longest:
+        raise InputError(f"{path}: has at most {kind.longest} pixels along a side, not {width}x{height}; write a .png")
 
 
 def write_atomically(path: str | Path, write: Callable[[str], object]) -> None:

@@ -14,7 +14,8 @@ LIGHTS = ("diffuse", "albedo")
 """What is taken for it where none has such a name."""
 _COLOURS = ({"R", "r", "red", "Red"}, {"G", "g", "green", "Green"}, {"B", "b", "blue", "Blue"})
 _LUMINANCE = ("Y", "y", "L", "luminance")
-_ALPHA = ("A", "a", "alpha", "Alpha", "AR", "AG", "AB")
+_ALPHA = ("A", "a", "alpha", "Alpha")
+_ALPHAS = (*_ALPHA, "AR", "AG", "AB")
 _NAMES = 8
 """Of layers or channels that a message lists, at most."""
 
@@ -22,12 +23,14 @@ _NAMES = 8
 @dataclass(frozen=True)
 class Choice:
     """``channels`` of the part with that number: three that are red, green and blue, or one that is grey, or luminance,
-    RY and BY where ``chroma``. ``said``: what there is to say of the choice, if anything."""
+    RY and BY where ``chroma``. ``said``: what there is to say of the choice, if anything. ``alpha``: the channel that
+    is alpha, if there is one."""
 
     part: int
     channels: list[int]
     chroma: bool = False
     said: str = ""
+    alpha: int | None = None
 
 
 @dataclass
@@ -68,7 +71,9 @@ def choose(parts: Sequence[dict[str, Any]], name: str) -> Choice:
         if count == 0:
             raise InputError(f"{name}: an image without channels; export it again")
         said = f"the first of {len(parts)} images is read" if len(parts) > 1 else ""
-        return Choice(flat[0], [0, 1, 2] if count > 2 else [0], said=said)
+        alpha = first.get("alpha", -1)
+        channels = [0, 1, 2] if count > 2 else [0]
+        return Choice(flat[0], channels, said=said, alpha=alpha if alpha >= len(channels) else None)
 
     layers = _layers(parts, flat)
     coloured = [layer for layer in layers if layer.colours()]
@@ -95,7 +100,8 @@ def choose(parts: Sequence[dict[str, Any]], name: str) -> Choice:
     if left:
         told.append(f"{'channel' if len(left) == 1 else 'channels'} left out: {_listed(left)}")
     chroma = not coloured and len(channels) == 3
-    return Choice(chosen.part, channels, chroma, "; ".join(told))
+    alpha = next((chosen.channels[name] for name in _ALPHA if name in chosen.channels), None)
+    return Choice(chosen.part, channels, chroma, "; ".join(told), alpha)
 
 
 def _layers(parts: Sequence[dict[str, Any]], flat: list[int]) -> list[_Layer]:
@@ -131,7 +137,7 @@ def _last(layer: _Layer) -> str:
 def _labels(layer: _Layer, without: Sequence[int] = ()) -> list[str]:
     """Names of the layer's channels, but for alpha."""
     dot = f"{layer.prefix}." if layer.prefix else ""
-    return [dot + last for last, index in layer.channels.items() if index not in without and last not in _ALPHA]
+    return [dot + last for last, index in layer.channels.items() if index not in without and last not in _ALPHAS]
 
 
 def _listed(names: list[str]) -> str:

@@ -96,6 +96,7 @@ def _description(spec: oiio.ImageSpec) -> dict[str, Any]:
         "display": (spec.full_x, spec.full_y, spec.full_width, spec.full_height),
         "tile": (spec.tile_width, spec.tile_height),
         "depth": spec.depth,
+        "alpha": spec.alpha_channel,
         "deep": bool(spec.deep),
         "channels": list(spec.channelnames),
         "types": [str(kind) for kind in formats],

@@ -47,13 +47,15 @@ class Image:
 
     ``said``: what was chosen, left out, converted or repaired on the way, a line each. ``largest``: the largest number
     that the file's own type holds, where that is less than float32 does; what is infinite stands for it.
-    ``cube``: whether the header says that these are the six faces of a cube, one below the other.
+    ``cube``: whether the header says that these are the six faces of a cube, one below the other. ``alpha`` (H, W):
+    where it was asked for and is there; the pixels are multiplied by it.
     """
 
     pixels: NDArray[np.float32]
     said: list[str] = field(default_factory=list)
     largest: float | None = None
     cube: bool = False
+    alpha: NDArray[np.float32] | None = None
 
 
 def default_memory() -> int:
@@ -64,18 +66,23 @@ def default_memory() -> int:
     return memory // 2
 
 
-def read_image(path: str | Path, max_memory: int | None = None, reader: Reader | None = None) -> Image:
+def read_image(
+    path: str | Path, max_memory: int | None = None, reader: Reader | None = None, *, alpha: bool = False
+) -> Image:
     """Read an image file: OpenEXR, Radiance, PFM, TIFF, PNG, JPEG, or whatever else OpenImageIO reads.
 
     ``max_memory``: bytes that the pixels may take, 12 each; half of what the machine has unless given. ``reader``: one
-    to be used for several files; else each has its own. What files say is followed: display and data windows (what is
-    outside of the data is black), layers (see :func:`.layers.choose`), primaries and white point, curves, exposures,
-    orientations. Raises :class:`InputError` with one line if the file is missing, damaged, too large or not an image.
+    to be used for several files; else each has its own. ``alpha``: whether that is read, too. What files say is
+    followed: display and data windows (what is outside of the data is black), layers (see :func:`.layers.choose`),
+    primaries and white point, curves, exposures, orientations. Raises :class:`InputError` with one line if the file is
+    missing, damaged, too large or not an image.
     """
     path = Path(path)
     most = default_memory() if max_memory is None else max_memory
     with on_one_line(path), nullcontext(reader) if reader is not None else Reader() as process:
-        return read_radiance(path, most, process) if radiance.is_radiance(path) else _image(path, most, process)
+        if radiance.is_radiance(path):
+            return read_radiance(path, most, process)
+        return _image(path, most, process, alpha)
 
 
 def read_text(path: str | Path, name: str) -> str | None:
@@ -109,24 +116,32 @@ def on_one_line(path: Path, name: str | None = None) -> Iterator[None]:
         raise InputError(f"{name}: cannot be read as an image ({reason[:200]}); copy or export it again") from None
 
 
-def _image(path: Path, most: int, reader: Reader) -> Image:
-    image, part, choice = read_stored(path, most, reader)
+def _image(path: Path, most: int, reader: Reader, alpha: bool) -> Image:
+    image, part, choice = read_stored(path, most, reader, alpha)
     attributes, kind = part["attributes"], part["types"][choice.channels[0]]
     if kind in ("uint", "uint32"):
         image.said.append("32-bit integers are taken as they are")
-    if attributes.get("oiio:UnassociatedAlpha"):
+    straight = attributes.get("oiio:UnassociatedAlpha")
+    if straight and not alpha:
         image.said.append("alpha is left out")
+    if image.alpha is not None and not straight and kind.startswith("uint"):  # codes that were multiplied by it
+        np.divide(image.pixels, image.alpha[..., None], out=image.pixels, where=image.alpha[..., None] > 0)
+        straight = True
     to_linear(image, choice, *_colour_space(image, part, kind))
     if image.pixels.shape[2] == 1:
         image.pixels = np.repeat(image.pixels, 3, axis=2)
+    if image.alpha is not None and straight:
+        image.pixels *= image.alpha[..., None]
     if str(attributes.get("textureformat", "")).startswith("CubeFace"):
         image.cube = True
         repair_image(image)
-    image.pixels = _oriented(image.pixels, *_ORIENTATIONS.get(attributes.get("Orientation", 1), (False, False, False)))
+    turn = _ORIENTATIONS.get(attributes.get("Orientation", 1), (False, False, False))
+    image.pixels = _oriented(image.pixels, *turn)
+    image.alpha = None if image.alpha is None else _oriented(image.alpha, *turn)
     return image
 
 
-def read_stored(path: Path, most: int, reader: Reader) -> tuple[Image, dict[str, Any], Choice]:
+def read_stored(path: Path, most: int, reader: Reader, alpha: bool = False) -> tuple[Image, dict[str, Any], Choice]:
     """The picture as it is stored, in its window; the part of the file that it is, and which channels are taken."""
     parts = reader.parts(path)
     if not parts:
@@ -135,8 +150,12 @@ def read_stored(path: Path, most: int, reader: Reader) -> tuple[Image, dict[str,
     part = parts[choice.part]
     columns, rows, window = _windows(path, part)
     check_size(path, part, window[2:], most)
-    pixels = reader.pixels(path, part, choice.part, choice.channels, columns, rows)
+    with_alpha = [choice.alpha] if alpha and choice.alpha is not None else []
+    pixels = reader.pixels(path, part, choice.part, [*choice.channels, *with_alpha], columns, rows)
     image = Image(_framed(pixels, columns, rows, window))
+    if with_alpha:
+        pixels = image.pixels
+        image.pixels, image.alpha = np.ascontiguousarray(pixels[..., :-1]), np.ascontiguousarray(pixels[..., -1])
     image.said += [choice.said] if choice.said else []
     image.said += _said_of_windows(part)
     half = part["types"][choice.channels[0]] == "half"

@@ -1,43 +1,84 @@
-"""From radiance to a picture that is looked at: exposure, a shoulder, holes, and the curve of sRGB."""
+"""From radiance to a picture that is looked at: exposure, holes, a view (:mod:`.views`), and whole numbers."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .colour import LUMINANCE
+from .views import VIEWS, encode
+
+_MIDDLE = 0.18
+_BRIGHTEST = 1e6
+"""After exposure: far above what any view shows."""
 
 
-def auto_exposure(pixels: NDArray[np.float32]) -> float:
-    """Exposure in stops that brings the geometric mean of the luminance of (H, W, 3) linear pixels to 0.18."""
-    luminance = pixels @ LUMINANCE
-    luminance = luminance[np.isfinite(luminance) & (luminance > 0)]
-    if not luminance.size:
-        return 0.0
-    return float(np.log2(0.18) - np.log2(luminance.astype(np.float64)).mean())
+@dataclass
+class Meter:
+    """Meters one picture, or several that get one exposure: the mean logarithm of the luminance of all pixels."""
+
+    total: float = 0.0
+    weight: float = 0.0
+
+    def add(self, pixels: NDArray[np.float32], weight: NDArray[np.floating[Any]] | None = None) -> None:
+        """Take (H, W, 3) linear ``pixels`` into account; ``weight`` (H, W): how much each counts, all the same unless
+        given. Pixels that are black, below zero or not finite do not count."""
+        luminance = pixels @ LUMINANCE
+        lit = np.isfinite(luminance) & (luminance > 0)
+        logarithms = np.log2(luminance[lit].astype(np.float64))
+        weights = np.ones(logarithms.shape) if weight is None else np.asarray(weight, dtype=np.float64)[lit]
+        self.total += float((weights * logarithms).sum())
+        self.weight += float(weights.sum())
+
+    @property
+    def stops(self) -> float:
+        """The exposure that brings the mean to middle grey; 0 where all is black."""
+        return float(np.log2(_MIDDLE)) - self.total / self.weight if self.weight > 0 else 0.0
 
 
-def tonemap(pixels: NDArray[np.float32], exposure: float | None = None) -> NDArray[np.uint8]:
-    """Linear RGB (H, W, 3) to 8-bit sRGB: exposure in stops (None: automatic), then a soft shoulder.
+def auto_exposure(pixels: NDArray[np.float32], weight: NDArray[np.floating[Any]] | None = None) -> float:
+    """Exposure in stops that brings the geometric mean of the luminance of (H, W, 3) linear pixels to 0.18.
 
-    The shoulder is Reinhard's extended operator on luminance (Reinhard et al. 2002, equation 4) with its white point
-    16 times above middle white, so colours keep their hue. Pixels below zero are filled, see :func:`filled`.
+    ``weight`` (H, W): how much each pixel counts, the coverage of an object for instance.
+    """
+    meter = Meter()
+    meter.add(pixels, weight)
+    return meter.stops
+
+
+def tonemap(pixels: NDArray[np.float32], exposure: float | None = None, view: str = "reinhard") -> NDArray[np.uint8]:
+    """Linear RGB (H, W, 3) to 8-bit sRGB; see :func:`view_codes`."""
+    codes: NDArray[np.uint8] = whole(view_codes(pixels, exposure, view), 8)
+    return codes
+
+
+def view_codes(
+    pixels: NDArray[np.float32], exposure: float | None = None, view: str = "reinhard"
+) -> NDArray[np.floating[Any]]:
+    """Linear RGB (H, W, 3) as codes of sRGB, 1 for the largest: exposure in stops (None: automatic), then a ``view``.
+
+    Pixels below zero are filled, see :func:`filled`. What is no number is black.
     """
     if exposure is None:
         exposure = auto_exposure(pixels)
-    linear = np.clip(np.nan_to_num(filled(pixels.astype(np.float32))) * 2.0**exposure, 0, 1e6)
-    luminance = (linear @ LUMINANCE)[..., None]
-    white = 16.0
-    linear = linear * (1 + luminance / white**2) / (1 + luminance)
-    # Middle grey keeps its brightness: undo what the shoulder takes from it.
-    return srgb(linear * 1.18)
+    factor = 2.0**exposure
+    linear = np.clip(np.nan_to_num(filled(pixels.astype(np.float32))), 0, _BRIGHTEST / factor) * factor
+    return VIEWS[view](linear)
 
 
 def srgb(linear: NDArray[np.floating]) -> NDArray[np.uint8]:
     """Linear values, 1 for white, as 8-bit sRGB (IEC 61966-2-1), clipped to what that has."""
-    linear = np.clip(linear, 0, 1)
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.asarray(encoded * 255 + 0.5).astype(np.uint8)
+    codes: NDArray[np.uint8] = whole(encode(linear), 8)
+    return codes
+
+
+def whole(codes: NDArray[np.floating[Any]], bits: int) -> NDArray[Any]:
+    """Codes from 0 to 1, cut off to that, as the nearest whole numbers of 8 or 16 ``bits``."""
+    most = (1 << bits) - 1
+    return (np.clip(codes, 0, 1) * most + 0.5).astype(np.uint8 if bits == 8 else np.uint16)
 
 
 def filled(pixels: NDArray[np.float32]) -> NDArray[np.float32]:

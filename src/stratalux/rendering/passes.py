@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..images.files import write_image
+from ..images.settings import OutputSettings
+from ..images.writing import automatic_exposure, write_image
 from ..integrators.techniques import Value, parse_technique
 from ..scenes.camera import own_camera
 from ..scenes.load import Loaded, load
@@ -38,7 +39,8 @@ class RenderResult:
     ``preparation_seconds``: cutting the map and building tables; ``compile_seconds``: tracing and compiling kernels.
     ``camera_rays``, and ``shadow_rays`` towards the environment at most (none is traced where no light can arrive).
     ``picture``: all that the image depends on; with an integrator of a program's own there is None. ``measure``: how
-    large the object is, in words; of what is no object, nothing.
+    large the object is, in words; of what is no object, nothing. ``float32``: whether the scene's film asks for numbers
+    of 32 bits in files.
     """
 
     bitmap: mi.Bitmap
@@ -52,6 +54,7 @@ class RenderResult:
     settings: dict[str, Value]
     picture: PictureSettings | None = None
     measure: str = ""
+    float32: bool = False
 
     @property
     def image(self) -> NDArray[np.float32]:
@@ -70,14 +73,24 @@ class RenderResult:
             "version": f"stratalux {version('stratalux')}, mitsuba {mi.__version__}",
         }
 
-    def write(self, path: str | Path, exposure: float | None = None) -> None:
-        """Write the image by the suffix of ``path``; see :func:`stratalux.images.files.write_image`.
+    @property
+    def output(self) -> OutputSettings:
+        """How the image is stored: as the settings say, with 32 bits also where the scene's film asks for these."""
+        asked = OutputSettings() if self.picture is None else self.picture.output
+        return replace(asked, float32=asked.float32 or self.float32)
 
-        ``exposure``: None for that of the settings.
+    @property
+    def exposure(self) -> float:
+        """Exposure in stops of all pictures: that of the settings, or the automatic one."""
+        return automatic_exposure(self.bitmap) if self.output.exposure is None else self.output.exposure
+
+    @documented(OutputSettings)
+    def write(self, path: str | Path, **settings: Any) -> None:
+        """Write the image by the suffix of ``path``; see :func:`stratalux.images.writing.write_image`.
+
+        What is not given is as the image's settings have it.
         """
-        if exposure is None and self.picture is not None:
-            exposure = self.picture.output.exposure
-        write_image(path, self.bitmap, self.metadata(), exposure)
+        write_image(path, self.bitmap, self.metadata(), **(self.output.changed() | settings))
 
 
 @documented(*GROUPS.values(), without=("source",))
@@ -181,6 +194,7 @@ def _render_passes(
             settings={**about, "integrator": " ".join(str(integrator).split()), "seed": sampling.seed},
             picture=None if own else picture,
             measure=loaded.measure,
+            float32="component_format = float32" in str(film),  # it says so nowhere else
         )
 
 

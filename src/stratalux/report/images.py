@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.files import jpeg
 from ..images.tonemap import tonemap
+from ..images.writing import jpeg
 from .encode import encode_pixels, encode_unit
 from .model import ImageSet, Picture
 from .text import Identifiers, paragraphs, script_json

@@ -32,14 +32,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
 from ..comparison import provenance
 from ..comparison.study import Study
-from ..images.files import write_atomically, write_picture
+from ..images.files import write_atomically
 from ..images.tonemap import srgb
+from ..images.writing import write_image, write_picture
 from ..report.model import Chart, HeatMap, ImageSet, Picture, Report, Table
 from .request import ReproductionSettings
 from .settings import Settings
@@ -67,7 +67,7 @@ def write_all(report: Report, study: Study, settings: Settings, request: Reprodu
             former.unlink()
     for stem, picture, exposure in pictures(report):
         pixels = np.ascontiguousarray(picture.image, dtype=np.float32)
-        write_atomically(images / f"{stem}.exr", mi.Bitmap(pixels).write)
+        write_image(images / f"{stem}.exr", pixels, float32=True)
         write_picture(images / f"{stem}.png", encoded(pixels, exposure))
     _write_page(report, folder / "report.html")
 

@@ -5,21 +5,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..images.settings import ViewSettings
 from ..images.tonemap import tonemap
 from ..maps.envmap import EnvironmentMap
 from ..maps.geometry import map_coordinates
 from ..maps.regions import Regions
 from . import LightRig
 
+DEFAULT_VIEW = ViewSettings()
 _BORDER = (120, 255, 90)
 _MIN_WIDTH = 1024
 
 
-def draw_regions(environment: EnvironmentMap, regions: Regions, exposure: float | None = None) -> NDArray[np.uint8]:
+def draw_regions(environment: EnvironmentMap, regions: Regions, view: ViewSettings = DEFAULT_VIEW) -> NDArray[np.uint8]:
     """The tone-mapped map with the borders of the regions on it (figure 1), 8-bit sRGB; small maps are enlarged."""
     height, width = regions.shape
     zoom = max(1, -(-_MIN_WIDTH // width))
-    picture = np.repeat(np.repeat(tonemap(environment.texels, exposure), zoom, axis=0), zoom, axis=1)
+    picture = np.repeat(np.repeat(tonemap(environment.texels, view.exposure, view.view), zoom, axis=0), zoom, axis=1)
     # A border runs through texel centres, so half a texel in from the corner of its texel.
     for y0, y1, x0, x1 in (regions.bounds * zoom + zoom // 2).tolist():
         picture[y0 : y1 + 1, x0] = picture[y0 : y1 + 1, min(x1, width * zoom - 1)] = _BORDER
@@ -27,14 +29,15 @@ def draw_regions(environment: EnvironmentMap, regions: Regions, exposure: float 
     return picture
 
 
-def draw_rig(environment: EnvironmentMap, rig: LightRig, exposure: float | None = None) -> NDArray[np.uint8]:
+def draw_rig(environment: EnvironmentMap, rig: LightRig, view: ViewSettings = DEFAULT_VIEW) -> NDArray[np.uint8]:
     """The tone-mapped map with the cells of the lights tinted and the lights on it as dots, 8-bit sRGB."""
     height, width = rig.shape
     zoom = max(1, -(-_MIN_WIDTH // width))
     # Hues a golden angle apart: neighbours in number, which are often neighbours on the map, differ much.
     hue = 2 * np.pi * np.arange(len(rig)) * 0.381966
     tint = 127.5 + 127.5 * np.cos(hue[:, None] + 2 * np.pi / 3 * np.arange(3))
-    tinted: NDArray[np.uint8] = (0.65 * tonemap(environment.texels, exposure) + 0.35 * tint[rig.label]).astype(np.uint8)
+    shown = tonemap(environment.texels, view.exposure, view.view)
+    tinted: NDArray[np.uint8] = (0.65 * shown + 0.35 * tint[rig.label]).astype(np.uint8)
     picture = np.repeat(np.repeat(tinted, zoom, axis=0), zoom, axis=1)
 
     u, v = map_coordinates(rig.direction)

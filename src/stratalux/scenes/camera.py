@@ -99,7 +99,7 @@ def sensor(
             "width": width,
             "height": height,
             "pixel_format": "rgb",
-            "component_format": "float32",
+            "component_format": "float16",
             "rfilter": {"type": "gaussian"},
         },
         "sampler": {"type": sampler, "sample_count": spp},
