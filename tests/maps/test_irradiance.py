@@ -9,7 +9,13 @@ import pytest
 from numpy.typing import NDArray
 
 from stratalux.maps.geometry import direction
-from stratalux.maps.irradiance import DEGREES, clamped_cosine, irradiance_coefficients, zonal_coefficients
+from stratalux.maps.irradiance import (
+    DEGREES,
+    clamped_cosine,
+    irradiance,
+    irradiance_coefficients,
+    zonal_coefficients,
+)
 from tests.helpers import hall_map, sun_map
 
 
@@ -66,3 +72,17 @@ def test_the_polynomial_is_near_the_clamped_cosine():
     error = np.polynomial.polynomial.polyval(t, clamped_cosine()) - np.maximum(t, 0)
     assert np.sqrt(np.mean(error**2)) < 0.012
     assert zonal_coefficients()[:3] == pytest.approx([np.pi, 2 * np.pi / 3, np.pi / 4])  # Ramamoorthi and Hanrahan
+
+
+@pytest.mark.parametrize("make", [sun_map, hall_map])
+def test_the_irradiance_of_one_normal(make):
+    """Against the sum over other parts of the cells; under a map of 1, it is π on all sides."""
+    texels = make()
+    omega, energy = bilinear(texels, 31)
+    n = np.random.default_rng(4).normal(size=(4, 3))
+    n[0] = [0, 1, 0]
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    for normal in n:
+        expected = np.maximum(omega @ normal, 0) @ energy
+        assert irradiance(texels, normal) == pytest.approx(expected, rel=1e-5, abs=1e-5 * energy.sum())
+        np.testing.assert_allclose(irradiance(np.ones_like(texels), normal), np.pi, rtol=1e-5)

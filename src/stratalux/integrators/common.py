@@ -8,9 +8,11 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from ..errors import InputError
 from ..sampling.recording import no_garbage_collection, one_at_a_time
 from . import derivatives
 from .backdrop import background_of
+from .catcher import CatcherCache
 from .environment import MapLight
 from .sight import Sight
 from .straight import Arrival, Obstacles, Scene, behind, first_surface, visible
@@ -32,6 +34,10 @@ class DirectIntegrator(mi.SamplingIntegrator):
     Light comes from the scene's own map all the same. ``hide_emitters`` hides lights of the scene, but not another
     background than the map. :class:`InputError` is raised for anything else.
 
+    The property ``catcher`` names a flat shape that shows the background, less the share of the map's light that is
+    blocked on its way there (:mod:`.catcher`). Without a background, it is black, with that share, in luminance, for
+    alpha; as an estimate, it may be a bit beyond 1.
+
     A subclass implements ``prepare(scene)``, which returns what ``environment_light`` needs, or None if the scene has
     no environment map, and ``environment_light`` itself.
     """
@@ -39,6 +45,8 @@ class DirectIntegrator(mi.SamplingIntegrator):
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
         self.background = background_of(props)
+        self.catcher = str(props.get("catcher", ""))
+        self._catchers = CatcherCache(self.catcher) if self.catcher else None
         self._sensor: mi.Sensor | None = None
 
     def prepare(self, scene: mi.Scene) -> Any:
@@ -67,9 +75,11 @@ class DirectIntegrator(mi.SamplingIntegrator):
         """Radiance along ``ray``, its alpha, and no AOVs (Mitsuba's integrator interface)."""
         with no_garbage_collection():
             prepared = self.prepare(scene)
-            sight = self.sight(scene, self._sensor)
+            sight = self.sight(scene, prepared, self._sensor)
             others = OtherEmitters(scene, prepared is not None, derivatives.wanted(scene), sight.obstacles)
-            return *self.radiance(scene, prepared, others, sight, sampler, ray, active), []
+            L, alpha = self.radiance(scene, prepared, others, sight, sampler, ray, active)
+            # All that Mitsuba can be told is whether there is something.
+            return L, sampler.next_1d(active) < alpha if sight.fades else alpha, []
 
     @one_at_a_time
     def render(
@@ -84,13 +94,38 @@ class DirectIntegrator(mi.SamplingIntegrator):
         """As Mitsuba's; one thread at a time."""
         self._sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
         try:
+            if self._fades():
+                return self._render_faded(scene, self._sensor, seed, spp, develop)
             return super().render(scene, sensor, seed, spp, develop, evaluate)
         finally:
             self._sensor = None
 
-    def sight(self, scene: mi.Scene, sensor: mi.Sensor | None) -> Sight:
+    def sight(self, scene: mi.Scene, prepared: Any, sensor: mi.Sensor | None) -> Sight:
         """What rays see of ``scene``. Without a ``sensor``, a picture behind it is that of the scene's first one."""
-        return Sight(scene, self.background, sensor)
+        catcher = self._catchers.get(scene, prepared) if self._catchers is not None else None
+        return Sight(scene, self.background, self.hide_emitters, sensor, catcher)
+
+    def _fades(self) -> bool:
+        """Whether alpha is a share, which Mitsuba's own loop over a film does not know of."""
+        none = self.background == "none" or (self.background == "map" and self.hide_emitters)
+        return bool(self.catcher) and none
+
+    def _render_faded(
+        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int, develop: bool
+    ) -> mi.TensorXf:
+        film, common = sensor.film(), mi.ad.integrators.common.ADIntegrator
+        with no_garbage_collection(), dr.suspend_grad():
+            sampler, spp = common.prepare(self, sensor, seed, spp, [])
+            sensor.sampler().set_sample_count(spp)
+            prepared = self.prepare(scene)
+            sight = self.sight(scene, prepared, sensor)
+            others = OtherEmitters(scene, prepared is not None, obstacles=sight.obstacles)
+            ray, weight, pos = common.sample_rays(self, scene, sensor, sampler)
+            L, alpha = self.radiance(scene, prepared, others, sight, sampler, ray, True)
+            block = film.create_block()
+            common._splat_to_block(block, film, pos, L * weight, 1.0, alpha, [], ray.wavelengths)
+            film.put_block(block)
+            return film.develop() if develop else mi.TensorXf()
 
     @one_at_a_time
     def render_forward(
@@ -99,6 +134,7 @@ class DirectIntegrator(mi.SamplingIntegrator):
         """As Mitsuba's; raises :class:`InputError` where something moves, or lets more through."""
         derivatives.refuse_motion(scene, sensor)
         derivatives.refuse_transmission(scene)
+        self._refuse_catcher()
         # Forward through a symbolic loop, Dr.Jit 1.5 fails where other scenes with more kinds of BSDF are alive.
         with dr.scoped_set_flag(dr.JitFlag.SymbolicLoops, False):
             image = self.render(scene, sensor, seed, spp, develop=True, evaluate=False)
@@ -118,8 +154,13 @@ class DirectIntegrator(mi.SamplingIntegrator):
         """As Mitsuba's; raises :class:`InputError` where something moves, or lets more through."""
         derivatives.refuse_motion(scene, sensor)
         derivatives.refuse_transmission(scene)
+        self._refuse_catcher()
         image = self.render(scene, sensor, seed, spp, develop=True, evaluate=False)
         dr.backward_from(image * grad_in)
+
+    def _refuse_catcher(self) -> None:
+        if self.catcher:
+            raise InputError(f"no derivatives with a catcher ('{self.catcher}'): its light is a constant")
 
     def radiance(
         self,
@@ -130,8 +171,8 @@ class DirectIntegrator(mi.SamplingIntegrator):
         sampler: mi.Sampler,
         ray: mi.RayDifferential3f,
         active: mi.Bool | bool,
-    ) -> tuple[mi.Spectrum, mi.Bool]:
-        """Radiance along ``ray``, and its alpha; ``prepared`` is what :meth:`prepare` returns."""
+    ) -> tuple[mi.Spectrum, mi.Bool | mi.Float]:
+        """Radiance along ``ray``, and its alpha, whether or how much; ``prepared`` is what :meth:`prepare` returns."""
         active = mi.Bool(active)
         with dr.suspend_grad():  # no shape moves here; those of other scenes that live may
             seen = self._first_surface(scene, sight, sampler, ray, active)
@@ -140,23 +181,35 @@ class DirectIntegrator(mi.SamplingIntegrator):
         # ----------------------- Visible emitters -----------------------
         L = mi.Spectrum(0)
         valid = active & si.is_valid()
-        shown = active if sight.backdrop is None else valid
+        caught = valid & sight.catcher.met(si) if sight.catcher is not None else mi.Bool(False)
+        shown = active if sight.backdrop is None else valid & ~caught
         if not self.hide_emitters:
             L += seen.emitted(si.emitter(scene, shown).eval(si, shown))
         if sight.backdrop is not None:
-            L += seen.behind(dr.select(active & ~valid, sight.backdrop.radiance(ray, active & ~valid), 0))
+            bare = active & (~valid | caught)
+            behind = dr.select(bare, sight.backdrop.radiance(ray, bare), 0)
+            L += seen.behind(behind)
 
         # ----------------------- Reflected light ------------------------
         bsdf = si.bsdf(ray)
+        obstacles = sight.obstacles
+        if sight.catcher is not None:
+            si, bsdf = sight.catcher.whitened(si, bsdf, ray.d, caught)
+            seen.shaded = dr.select(caught, seen.behind(-sight.catcher.weight * behind), seen.shaded)
+            obstacles = Obstacles(scene, sight.masks, caught)
         smooth = valid & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
         if prepared is not None:
-            L_map = self.environment_light(sight.obstacles or scene, prepared, sampler, si, bsdf, smooth)
+            L_map = self.environment_light(obstacles or scene, prepared, sampler, si, bsdf, smooth)
             L += seen.reflected(L_map)
             self.weigh(sampler, seen)
+        if sight.catcher is not None:
+            smooth &= ~caught
         if others.lights:
             L += seen.reflected(others.emitter_sampling(scene, sampler, si, bsdf, smooth))
         if others.found_by_bsdf or _has_delta(scene):
-            L += seen.reflected(others.bsdf_sampling(scene, sampler, si, bsdf, valid))
+            L += seen.reflected(others.bsdf_sampling(scene, sampler, si, bsdf, valid & ~caught))
+        if sight.catcher is not None and sight.fades:
+            return L, dr.select(caught, target(sight.catcher.weight * L_map), dr.select(valid, mi.Float(1), 0))
         if sight.backdrop is not None:
             return L, active if sight.backdrop.covers else valid
         # As in Mitsuba's path: an environment that can be seen covers all that is behind.
@@ -169,8 +222,12 @@ class DirectIntegrator(mi.SamplingIntegrator):
         self, scene: mi.Scene, sight: Sight, sampler: mi.Sampler, ray: mi.RayDifferential3f, active: mi.Bool
     ) -> Arrival:
         if sight.straight:
-            unseen = _emits if self.hide_emitters else lambda si: mi.Bool(False)
-            return first_surface(scene, ray, sampler.next_1d(active), unseen, not self.hide_emitters, active)
+
+            def transmission(si: mi.SurfaceInteraction3f, T: mi.Spectrum) -> mi.Spectrum:
+                T = sight.catcher.transmission(si, ray.d, T) if sight.catcher is not None else T
+                return dr.select(_emits(si), 1, T) if self.hide_emitters else T
+
+            return first_surface(scene, ray, sampler.next_1d(active), transmission, not self.hide_emitters, active)
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
         if self.hide_emitters:
             hidden = active & si.is_valid() & _emits(si)
@@ -385,9 +442,15 @@ def draw(
     return bs, value / bs.pdf, found & (bs.pdf > 0)
 
 
-def by_identity(pointers: Any, values: mi.UInt32, default: int) -> mi.UInt32:
-    """A table of the ``values`` of ``pointers`` by the number that Dr.Jit gives each, which is not the same twice."""
+def by_identity(pointers: Any, values: mi.UInt32, default: int, another: tuple[Any, int] | None = None) -> mi.UInt32:
+    """A table of the ``values`` of ``pointers`` by the number that Dr.Jit gives each, which is not the same twice.
+
+    ``another``: one more pointer, and its value.
+    """
     identity = dr.reinterpret_array(mi.UInt32, pointers)
+    if another is not None:
+        identity = dr.concat((identity, dr.reinterpret_array(mi.UInt32, another[0])))
+        values = dr.concat((values, mi.UInt32(another[1])))
     table = dr.full(mi.UInt32, default, int(dr.max(identity)[0]) + 1)
     dr.scatter(table, values, identity)
     dr.eval(table)

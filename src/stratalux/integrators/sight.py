@@ -2,27 +2,47 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mitsuba as mi
 
 from .backdrop import Background, Light, Nothing, Plate
+from .catcher import Catcher
 from .straight import Obstacles, lets_through
 
 
 class Sight:
-    """``obstacles``: in place of the scene where some let light through, else None: a ray test will do.
+    """``masks``: whether something lets light straight through. If so, ``obstacles`` are in place of the scene.
 
-    ``backdrop``: what camera rays see that meet nothing, None where that is as the scene has it. ``straight``: whether
-    they pass anything.
+    ``backdrop``: what camera rays see that meet nothing, None where that is as the scene has it. ``catcher``: what
+    shows nothing but shadows. ``straight``: whether camera rays pass anything. ``fades``: whether alpha is a share.
     """
 
-    def __init__(self, scene: mi.Scene, background: Background = "map", sensor: mi.Sensor | None = None) -> None:
-        self.obstacles = Obstacles(scene) if lets_through(scene) else None
-        self.straight = self.obstacles is not None
+    def __init__(
+        self,
+        scene: mi.Scene,
+        background: Background = "map",
+        hidden: bool = False,
+        sensor: mi.Sensor | None = None,
+        catcher: Catcher | None = None,
+    ) -> None:
+        self.catcher = catcher
+        self.masks = lets_through(scene)
+        self.obstacles = Obstacles(scene) if self.masks else None
+        self.straight = self.masks or catcher is not None
         self.backdrop = _backdrop(scene, background, sensor)
+        if catcher is not None and self.backdrop is None:
+            self.backdrop = Nothing() if hidden else Light(scene.environment())
+        self.fades = catcher is not None and isinstance(self.backdrop, Nothing)
 
     def parts(self) -> tuple[mi.Object, ...]:
         """What rays see besides the scene."""
-        return self.backdrop.parts() if self.backdrop is not None else ()
+        parts = self.backdrop.parts() if self.backdrop is not None else ()
+        return parts if self.catcher is None else (*parts, self.catcher.white)
+
+    def arrays(self) -> tuple[Any, ...]:
+        """What kernels read besides the scene's own."""
+        return self.parts(), self.catcher.arrays() if self.catcher is not None else ()
 
 
 def _backdrop(scene: mi.Scene, background: Background, sensor: mi.Sensor | None) -> Light | Nothing | Plate | None:

@@ -62,15 +62,15 @@ def first_surface(
     scene: mi.Scene,
     ray: mi.Ray3f,
     u: mi.Float,
-    unseen: Callable[[mi.SurfaceInteraction3f], mi.Bool],
+    transmission: Callable[[mi.SurfaceInteraction3f, mi.Spectrum], mi.Spectrum],
     lights: bool,
     active: mi.Bool,
 ) -> Arrival:
     """Follow ``ray`` to where it is shaded, through layers of transmissions T_1, T_2 … with luminances p_k.
 
     It passes n of them where the random number ``u`` is less than p_1 … p_n. So one number does for all, and the
-    samples of a pixel, whose numbers are spread evenly, pass each layer in nearly the right number. What is ``unseen``
-    is passed by all. ``lights``: whether those that are passed are seen.
+    samples of a pixel, whose numbers are spread evenly, pass each layer in nearly the right number. ``transmission``:
+    that of a surface, from what its BSDF says. ``lights``: whether those that are passed are seen.
     """
     ray = mi.Ray3f(ray.o, ray.d, ray.maxt, ray.time, ray.wavelengths)
     si = dr.zeros(mi.SurfaceInteraction3f)
@@ -82,8 +82,7 @@ def first_surface(
     while going:
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=going)
         hit = going & si.is_valid()
-        T = si.bsdf().eval_null_transmission(si, hit)
-        T = dr.select(unseen(si), 1, T)
+        T = transmission(si, si.bsdf().eval_null_transmission(si, hit))
         p = dr.clip(_luminance(T), 0, 1)
         stays = 1 - p
         going = hit & (u < reach * p)
@@ -125,15 +124,25 @@ def transmittance(scene: mi.Scene, ray: mi.Ray3f, active: mi.Bool) -> mi.Spectru
 
 
 class Obstacles:
-    """In place of a scene, for techniques, where what is in the way of light may let some of it through."""
+    """In place of a scene, for techniques, where a ray test does not do.
 
-    def __init__(self, scene: mi.Scene) -> None:
-        self._scene = scene
+    ``masks``: whether what is in the way of light may let some of it through. ``caught``: where to count the light
+    that is blocked, and not what gets through (see :class:`~.catcher.Catcher`); None if nowhere.
+    """
 
-    def visible(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Spectrum:
+    def __init__(self, scene: mi.Scene, masks: bool = True, caught: mi.Bool | None = None) -> None:
+        self._scene, self._masks, self.caught = scene, masks, caught
+
+    def visible(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Spectrum | mi.Float:
         """V, from 0 to 1, along ``ray``."""
         with dr.suspend_grad():
-            return transmittance(self._scene, ray, active)
+            if self._masks:
+                return transmittance(self._scene, ray, active)
+            return dr.select(self._scene.ray_test(ray, active), mi.Float(0), 1)
+
+    def counted(self, V: mi.Spectrum | mi.Float) -> mi.Spectrum | mi.Float:
+        """What of light is counted that arrives in the share ``V``."""
+        return V if self.caught is None else dr.select(self.caught, 1 - V, V)
 
 
 Scene = Any
@@ -141,15 +150,15 @@ Scene = Any
 
 
 def arriving(scene: Scene, si: mi.SurfaceInteraction3f, d: mi.Vector3f, g: mi.Spectrum, active: mi.Bool) -> mi.Spectrum:
-    """What is left at ``si`` of the light ``g`` that comes from the direction ``d`` of the world: g V."""
+    """What counts at ``si`` of the light ``g`` that comes from the direction ``d`` of the world: g V."""
     V, lit = visible(scene, si.spawn_ray(d), active)
     return dr.select(lit, g * V, 0)
 
 
 def visible(scene: Scene, ray: mi.Ray3f, active: mi.Bool) -> tuple[Any, mi.Bool]:
-    """V along ``ray``, and where that is not known to be 0."""
+    """V along ``ray``, or what is counted instead, and where that is not known to be 0."""
     if isinstance(scene, Obstacles):
-        return scene.visible(ray, active), active
+        return scene.counted(scene.visible(ray, active)), active
     return 1, active & ~scene.ray_test(ray, active)
 
 

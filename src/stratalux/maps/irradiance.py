@@ -25,6 +25,8 @@ _ROWS, _COLUMNS = 64, 192
 """Of a product so small that OpenBLAS takes one thread: others would go on to spin, where cores are needed."""
 _MANY_ROWS = 256
 """From there on, two nodes between rows are as exact as single precision asks for."""
+_NODES = 2048
+"""Along a circle of latitude, at least, to integrate over a hemisphere, whose rim has a kink."""
 
 _Float = NDArray[np.float64]
 
@@ -74,6 +76,29 @@ def irradiance_coefficients(texels: NDArray[np.float32]) -> dict[int, _Float]:
         if m:
             result[degree * (degree + 1) - m] = A[degree] * odd[pair, m]
     return result
+
+
+def irradiance(texels: NDArray[np.float32], normal: NDArray[np.float64]) -> _Float:
+    """E(n) = ∫ L(ω) max(0, n·ω) dω of a map (H, W, C) for one ``normal`` of its frame, (C,).
+
+    The cosine is the real one. By the midpoint rule between texels, where the radiance is bilinear; exact to 10⁻⁵ of
+    what the map sends in all.
+    """
+    height, width, channels = texels.shape
+    nodes = -(-_NODES // width)
+    t = (np.arange(nodes) + 0.5) / nodes
+    phi = 2 * np.pi / width * (np.arange(width)[:, None] + 0.5 + t).ravel()
+    around = normal[0] * np.sin(phi) - normal[2] * np.cos(phi)
+    step = np.pi / (height - 1) / nodes
+    E = np.zeros(channels)
+    for first in range(height - 1):
+        theta = (first + t) * step * nodes
+        sin_θ, cos_θ = np.sin(theta)[:, None], np.cos(theta)[:, None]
+        cells = (np.maximum(normal[1] * cos_θ + sin_θ * around, 0) * sin_θ).reshape(nodes, width, nodes)
+        left = cells @ (1 - t)
+        weights = left + np.roll(cells.sum(axis=2) - left, 1, axis=1)  # of each column, (nodes, W)
+        E += ((1 - t) @ weights) @ texels[first] + (t @ weights) @ texels[first + 1]
+    return E * step * (2 * np.pi / width / nodes)
 
 
 @lru_cache(maxsize=4)

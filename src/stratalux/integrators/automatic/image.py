@@ -122,8 +122,9 @@ class Automatic(AutomaticSample):
         shared = launcher.light_samples(mix(~seed)) if view.pixels * spp <= LAUNCH else None
         if few < spp:
             view.counts = Visibility.nothing(view.width, view.height)
-        pilot = _Pilot(view, few, min(PARTS, few), shared)
-        dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
+        grey = light.tables.energy / (4 * np.pi) * float(light.scale[0])
+        pilot = _Pilot(view, few, min(PARTS, few), shared, grey)
+        dim = DIM * grey
         for rendered in pilot.passes(seed, dim):
             if rendered < few:
                 yield pilot.image(0), rendered
@@ -142,7 +143,7 @@ class Automatic(AutomaticSample):
             lanes = view.samples(few + start, end - start, seed, expected, samples)
             L = lanes.L + dr.gather(mi.Float, plan.share, lanes.pixel) * lanes.difference
             weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, _unsigned(counts), lanes.pixel)))
-            view.put(block, lanes, L, lanes.valid, weight)
+            view.put(block, lanes, L, lanes.alpha, weight)
             dr.eval(block.tensor())
             done = end.reshape(plan.counts.shape)
             yield _combined(first, _image(block), few, done), few + float(done.mean())
@@ -161,7 +162,7 @@ class _Lanes:
     index: mi.UInt32
     L: mi.Spectrum
     difference: mi.Spectrum
-    valid: mi.Bool
+    alpha: mi.Bool | mi.Float
     place: mi.Point2f
 
 
@@ -218,7 +219,9 @@ class _View:
         self.learned = Visibility.learn(self.counts)
         self.counts = None
 
-    def put(self, block: mi.ImageBlock, lanes: _Lanes, value: mi.Spectrum, alpha: mi.Bool, weight: mi.Float) -> None:
+    def put(
+        self, block: mi.ImageBlock, lanes: _Lanes, value: mi.Spectrum, alpha: mi.Bool | mi.Float, weight: mi.Float
+    ) -> None:
         """Add a ``value`` and an ``alpha`` to ``block`` at the place of each sample."""
         place = lanes.place
         if self.film.rfilter().is_box_filter():
@@ -226,14 +229,15 @@ class _View:
             row = lanes.pixel // width
             place = mi.Point2f(mi.Float(lanes.pixel - row * width), mi.Float(row))
         place += mi.Vector2f(self.film.crop_offset())
-        block.put(place, [], value * weight, dr.select(alpha, weight, 0), weight)
+        alpha = dr.select(alpha, weight, 0) if dr.is_mask_v(alpha) else alpha * weight
+        block.put(place, [], value * weight, alpha, weight)
 
 
 class _Pilot:
     """A few samples of every pixel, and what follows from them."""
 
-    def __init__(self, view: _View, count: int, parts: int, shared: mi.Float | None) -> None:
-        self.view, self.count, self.parts, self._shared = view, count, parts, shared
+    def __init__(self, view: _View, count: int, parts: int, shared: mi.Float | None, grey: float) -> None:
+        self.view, self.count, self.parts, self._shared, self._grey = view, count, parts, shared, grey
         self._images = view.film.create_block(), view.film.create_block()
         self._sums = [dr.zeros(mi.Float, 3 * parts * view.pixels) for _ in range(2)]
 
@@ -244,15 +248,22 @@ class _Pilot:
         for first, last in view.launches(np.full(view.pixels, count)):
             lanes = view.samples(first, last - first, seed, expected, self._shared)
             group = lanes.index * dr.opaque(mi.UInt32, self.parts) // dr.opaque(mi.UInt32, count)
-            for sums, value in zip(self._sums, (lanes.L, lanes.difference), strict=True):
+            for sums, value in zip(self._sums, (self._worth(lanes), lanes.difference), strict=True):
                 for c in range(3):
                     place = (c * self.parts + group) * view.pixels + lanes.pixel
                     dr.scatter_add(sums, value[c % dr.size_v(mi.Spectrum)], place)
             weight = dr.opaque(mi.Float, 1 / count)
-            view.put(self._images[0], lanes, lanes.L, lanes.valid, weight)
+            view.put(self._images[0], lanes, lanes.L, lanes.alpha, weight)
             view.put(self._images[1], lanes, lanes.difference, mi.Bool(False), weight)
             dr.eval(*(block.tensor() for block in self._images), self._sums)
             yield float(last.mean())
+
+    def _worth(self, lanes: _Lanes) -> mi.Spectrum:
+        """What errors are looked for in: the radiance, or that over a picture as ``grey`` as the map where alpha is a
+        share, or shadows would not count there."""
+        if dr.is_mask_v(lanes.alpha):
+            return lanes.L
+        return lanes.L + (1 - lanes.alpha) * dr.opaque(mi.Float, self._grey)
 
     def image(self, share: NDArray[np.float32] | float) -> _Pixels:
         """The image, with a ``share`` of the variate's difference in each pixel."""

@@ -23,7 +23,7 @@ from .visibility import Visibility
 _RECORDINGS = 8
 """Kept for one camera: a pilot's, later ones', and some changes of what is compiled into kernels."""
 
-_Samples = tuple[mi.Spectrum, mi.Spectrum, mi.Bool, mi.Point2f]
+_Samples = tuple[mi.Spectrum, mi.Spectrum, mi.Bool | mi.Float, mi.Point2f]
 
 
 @dataclass
@@ -67,7 +67,7 @@ class Launcher:
 
     def begin(self, light: AllocatedLight) -> None:
         """Look at the scene as it is now; the launches that follow render that."""
-        self._light, self._sight = light, self.integrator.sight(self.scene, self.sensor)
+        self._light, self._sight = light, self.integrator.sight(self.scene, light, self.sensor)
         self._others = OtherEmitters(self.scene, True, obstacles=self._sight.obstacles)
         parts = self.scene, self.sensor, *self._sight.parts()
         self._fixed = tuple(constant for part in parts for constant in _constants(part))
@@ -135,7 +135,7 @@ class Launcher:
         """What a launch depends on besides its arguments."""
         light, others, sight = self._light, self._others, self._sight
         assert light is not None and others is not None and sight is not None
-        arrays = light.arrays(), light.tables.arrays(), others.arrays(), sight.parts()
+        arrays = light.arrays(), light.tables.arrays(), others.arrays(), sight.arrays()
         return arrays, light.tables.depth, self.integrator.hide_emitters, self._fixed
 
 

@@ -56,7 +56,7 @@ DETAILED_SPREAD = 0.082
 """Relative variance of what BSDF samples bring (see :attr:`Row.spread`) that is worth one ray for them there,
 on what has no matte part."""
 MOST_RAYS = max(row.light + row.lobe for row in ROWS)
-_BOTH, _GLOSSY = 1, 2
+_MATTE, _BOTH, _GLOSSY = 0, 1, 2
 _UNKNOWN = _BOTH
 """The row of BSDFs that are not seen in the list of shapes, as those of instances."""
 
@@ -66,12 +66,13 @@ class Allocation:
 
     The concentration of a BSDF is the geometric mean of the pdf of its glossy lobes over directions drawn from them,
     for light from all sides: the reciprocal of about the solid angle that they fill. M follows from how much the map
-    varies inside the lobes. Both are measured, so any BSDF and any map have them.
+    varies inside the lobes. Both are measured, so any BSDF and any map have them. ``matte``: one that is no shape's.
     """
 
-    def __init__(self, scene: mi.Scene, light: MapLight[LeafSampler]) -> None:
-        self._identities, rows = _rows(scene)
+    def __init__(self, scene: mi.Scene, light: MapLight[LeafSampler], matte: mi.BSDF | None = None) -> None:
+        self._identities, rows = _rows(scene, matte)
         used = set(rows.numpy().tolist()) | ({_UNKNOWN} if _has_instances(scene) else set())
+        used |= {_MATTE} if matte is not None else set()
         self.any_bsdf_samples = any(ROWS[row].lobe for row in used)
         self._any_glossy = any(not ROWS[row].matte for row in used)
         self.any_matte = any(ROWS[row].matte for row in used)
@@ -114,7 +115,7 @@ def concentration(bsdf: mi.BSDFPtr, sampler: mi.Sampler) -> mi.Float:
     return dr.select(drawn, dr.log(bs.pdf), dr.nan)
 
 
-def _rows(scene: mi.Scene) -> tuple[mi.UInt32, mi.UInt32]:
+def _rows(scene: mi.Scene, matte: mi.BSDF | None) -> tuple[mi.UInt32, mi.UInt32]:
     """The row of each BSDF, by the identity that Dr.Jit gives it, and that of each shape."""
     count = len(scene.shapes())
     if count == 0:
@@ -128,7 +129,9 @@ def _rows(scene: mi.Scene) -> tuple[mi.UInt32, mi.UInt32]:
     row = dr.select(mi.has_flag(bsdfs.flags(), mi.BSDFFlags.Diffuse), _BOTH, glossy)
     row = dr.select(value > ROWS[0].concentration, row, 0)  # of those that have no glossy lobes, too
     dr.eval(row)
-    return by_identity(bsdfs, row, _UNKNOWN), row
+    if matte is None:
+        return by_identity(bsdfs, row, _UNKNOWN), row
+    return by_identity(bsdfs, row, _UNKNOWN, (mi.BSDFPtr(matte), _MATTE)), row
 
 
 def _spreads(scene: mi.Scene, light: MapLight[LeafSampler], rows: mi.UInt32) -> list[float]:

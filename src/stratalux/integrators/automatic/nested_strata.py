@@ -272,6 +272,8 @@ class NestedStrata:
         if points.expected is not None:
             share = dr.abs(target(g)) * mi.Float(count) / points.expected
             chance = dr.minimum(doubt * share / WORTH_A_RAY, 1)
+            if isinstance(scene, Obstacles) and scene.caught is not None:
+                chance = dr.select(scene.caught, 1, chance)  # where nothing is in the way, nothing is left to chance
             traced = lit & (unit_float(random) < chance)
         ray = si.spawn_ray(kept.d)
         if isinstance(scene, Obstacles):
@@ -282,4 +284,5 @@ class NestedStrata:
             V = dr.select(hit, 0, 1)
         points.visibility.note(kept.d, hit, traced)
         found = dr.select(traced, (V - V_hat) / chance, 0)
-        return dr.select(lit, g * (V_hat + found), 0)
+        V = V_hat + found
+        return dr.select(lit, g * (scene.counted(V) if isinstance(scene, Obstacles) else V), 0)

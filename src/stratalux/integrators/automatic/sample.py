@@ -61,7 +61,7 @@ class AutomaticSample(DirectIntegrator):
             return None
         if self._scene is not scene or self._tables is not light.tables:
             with dr.suspend_grad():
-                self._allocation = Allocation(scene, light)
+                self._allocation = Allocation(scene, light, self._catchers.white if self._catchers else None)
             self._scene, self._tables = scene, light.tables
         return AllocatedLight(light, self._allocation)
 
