@@ -38,7 +38,7 @@ class RenderResult:
     ``preparation_seconds``: cutting the map and building tables; ``compile_seconds``: tracing and compiling kernels.
     ``camera_rays``, and ``shadow_rays`` towards the environment at most (none is traced where no light can arrive).
     ``picture``: all that the image depends on; with an integrator of a program's own there is None. ``float32``:
-    whether the scene's film asks for numbers of 32 bits in files.
+    whether the scene's film asks for numbers of 32 bits.
     """
 
     bitmap: mi.Bitmap
@@ -72,9 +72,8 @@ class RenderResult:
 
     @property
     def output(self) -> OutputSettings:
-        """How the image is stored: as the settings say, with 32 bits also where the scene's film asks for these."""
-        asked = OutputSettings() if self.picture is None else self.picture.output
-        return replace(asked, float32=asked.float32 or self.float32)
+        """How the image is stored, as the settings say."""
+        return OutputSettings() if self.picture is None else self.picture.output
 
     @property
     def exposure(self) -> float:
@@ -85,9 +84,11 @@ class RenderResult:
     def write(self, path: str | Path, **settings: Any) -> None:
         """Write the image by the suffix of ``path``; see :func:`stratalux.images.writing.write_image`.
 
-        What is not given is as the image's settings have it.
+        What is not given is as the image's settings have it; an OpenEXR file has 32 bits where the film asks for them,
+        too.
         """
-        write_image(path, self.bitmap, self.metadata(), **(self.output.changed() | settings))
+        of_film = {"float32": True} if self.float32 and Path(path).suffix.lower() == ".exr" else {}
+        write_image(path, self.bitmap, self.metadata(), **(self.output.changed() | of_film | settings))
 
 
 @documented(*GROUPS.values(), without=("source",))
