@@ -103,6 +103,9 @@ def test_leaves_of_regions_are_cut_where_those_of_the_map_are() -> None:
 
 def test_regions_share_the_leaves_out() -> None:
     environment = EnvironmentMap(hall_map())
-    for n in (1, 3, 64):
+    # Half as many where there are many of them
+    for n, each in ((1, 1 << 16), (3, 1 << 14), (64, 1 << 10), (65, 1 << 9), (256, 1 << 8), (257, 1 << 6)):
         sampler = RegionLeafSampler(environment, median_cut(environment, n))
-        assert 1 << 15 < sampler.count <= 1 << 16
+        assert (len(sampler.regions), sampler.count, 1 << sampler.depth) == (n, n * each, each)
+        assert sampler.bytes >= 16 * sampler.count
+    assert LeafSampler(environment).bytes == 16 << 16
