@@ -79,7 +79,7 @@ def test_cuts_run_across_the_longer_side(texels: NDArray[np.float32]) -> None:
     environment = EnvironmentMap(texels)
     width, height = environment.width, environment.height - 1
     for depth in range(8):
-        x, y, w, h = equal_energy_leaves(environment, depth).T
+        _, y, w, h = equal_energy_leaves(environment, depth).T
         halves = equal_energy_leaves(environment, depth + 1).reshape(-1, 2, 4)
         vertical = 2 * w / width * np.sin(np.pi * (y + h / 2) / height) >= h / height
         for half in halves.swapaxes(0, 1):
