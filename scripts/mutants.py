@@ -72,11 +72,14 @@ TESTS = {
     "integrators/automatic/sample.py": "integrators/automatic/test_launch.py integrators/test_environment.py "
     "statistics/test_nested_strata.py",
     "integrators/automatic/variate.py": "integrators/automatic/test_variate.py statistics/test_nested_strata.py",
-    "integrators/common.py": "integrators/test_common.py integrators/test_weights.py statistics/test_others_are_off.py "
+    "integrators/common.py": "integrators/test_common.py integrators/test_weights.py integrators/test_derivatives.py "
+    "statistics/test_others_are_off.py "
     "statistics/test_scenes.py statistics/test_techniques.py statistics/test_unbiased.py",
     "integrators/derivatives.py": "integrators/test_derivatives.py statistics/test_derivatives.py",
-    "integrators/direct_importance.py": "statistics/test_techniques.py -k importance or low_discrepancy",
-    "integrators/direct_lights.py": "statistics/test_lights.py integrators/test_techniques.py",
+    "integrators/direct_importance.py": "integrators/test_direct_importance.py "
+    "statistics/test_techniques.py -k importance or low_discrepancy",
+    "integrators/direct_lights.py": "integrators/test_direct_lights.py statistics/test_lights.py "
+    "integrators/test_techniques.py",
     "integrators/direct_stratified.py": "integrators/test_weights.py integrators/test_techniques.py "
     "statistics/test_unbiased.py",
     "integrators/direct_wavelet.py": "statistics/test_wavelet.py",

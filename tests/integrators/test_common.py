@@ -145,6 +145,8 @@ def test_without_bsdf_samples_map_samples_count_in_full() -> None:
         weighted = MisWithBsdf(count).eval(si, bsdfs, wo, density, mi.Bool(True)).numpy()
         total = density.numpy() + count * pdf.numpy()
         np.testing.assert_allclose(weighted, full.numpy() * density.numpy() / total, rtol=1e-3, atol=1e-6)
+    below = MisWithBsdf(1).eval(si, bsdfs, -wo, mi.Float(0), mi.Bool(True)).numpy()
+    assert (below == 0).all()  # and no 0 / 0
 
 
 def test_delta_lobes_are_seen_wherever_they_are() -> None:
@@ -225,6 +227,12 @@ def test_emitter_and_bsdf_samples_share_an_area_light(material: str, differentia
     expected = (weight * 2 * power_heuristic(bs.pdf, pdf)).numpy()
     np.testing.assert_allclose(found[:, ok], expected[:, ok], rtol=5e-3, atol=1e-4)
 
+    for method in (others.bsdf_sampling, others.emitter_sampling):
+        active = mi.Bool(np.arange(LANES) % 2 == 0)
+        sampler.seed(5, LANES)
+        half = method(scene, sampler, si, bsdfs, active).numpy()
+        assert (half[:, 1::2] == 0).all() and (half[:, ::2] > 0).any()
+
     si, sampler, found = drawn(others.emitter_sampling)
     sampler.seed(5, LANES)
     sampler.next_1d()
@@ -233,3 +241,73 @@ def test_emitter_and_bsdf_samples_share_an_area_light(material: str, differentia
     f, of_bsdf = bsdfs.eval_pdf(mi.BSDFContext(), si, si.to_local(ds.d))
     expected = dr.select(ds.pdf > 0, f * 2 / ds.pdf * power_heuristic(ds.pdf, of_bsdf), 0).numpy()
     np.testing.assert_allclose(found, expected, rtol=5e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize("blocked", [False, True])
+@pytest.mark.parametrize("count", [1, 3])
+def test_bsdf_samples_bring_light_over_all_densities(count: int, blocked: bool) -> None:
+    from stratalux.integrators.common import MisWithBsdf, draw, only
+
+    description = {"type": "scene", "sky": scene_dict()["sky"]}
+    if blocked:
+        description["around"] = {"type": "sphere", "radius": 5.0}
+    scene = mi.load_dict(description)
+    light = mi.load_dict({"type": "direct_stratified", "strata": 4}).prepare(scene)
+    bsdf = mi.load_dict(MATERIALS["roughconductor"])
+    bsdfs = dr.gather(mi.BSDFPtr, mi.BSDFPtr(bsdf), dr.zeros(mi.UInt32, LANES))
+    si, _ = surface()
+    si.t, si.n = 1, mi.Normal3f(0, 0, 1)
+
+    def density(d: mi.Vector3f, L: mi.Spectrum, active: mi.Bool) -> mi.Float:
+        return dr.select(d.y > 0, mi.Float(0.3), 0)  # of the map's frame
+
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(2, LANES)
+    active = mi.Bool(np.arange(LANES) % 4 > 0)
+    found = MisWithBsdf(count).bsdf_samples(scene, light, density, sampler, si, bsdfs, active).numpy()
+    sampler.seed(2, LANES)
+    expected = np.zeros_like(found)
+    for _ in range(count):
+        bs, weight, drawn = draw(bsdfs, only(mi.BSDFFlags.Smooth), si, sampler.next_1d(), sampler.next_2d(), active)
+        d = si.to_world(bs.wo)
+        L = light.radiance_towards(d, si, drawn)
+        total = density(light.from_world(d), L, drawn) + count * bs.pdf
+        expected += dr.select(drawn, L * weight * bs.pdf / total, 0).numpy()
+    if blocked:
+        expected *= 0
+    assert blocked or expected.any()
+    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize("properties", [{}, {"strata": 4}])
+@pytest.mark.parametrize("sky", [True, False])
+@pytest.mark.parametrize("hide", [True, False])
+def test_alpha_is_that_of_what_is_seen(hide: bool, sky: bool, properties: dict[str, int]) -> None:
+    """A map that can be seen covers all; without one, or where it is hidden, there are only the shapes."""
+    description = {**scene_dict("diffuse"), "lamp": lamp()}
+    del description["floor"]
+    description["sensor"]["film"]["pixel_format"] = "rgba"
+    if not sky:
+        del description["sky"]
+    integrator = mi.load_dict({"type": "direct_stratified", "hide_emitters": hide, **properties})
+    scene = mi.load_dict(description)
+    image = np.array(mi.render(scene, integrator=integrator, spp=4))
+    ray, _ = scene.sensors()[0].sample_ray(0, 0.5, mi.Point2f([0.5, 0.02], [0.6, 0.98]), mi.Point2f(0.5))
+    assert scene.ray_test(ray).numpy().tolist() == [True, False]
+    at_ball, beside = image[7, 9], image[-1, 0]
+    assert at_ball[3] == pytest.approx(1)
+    assert beside[3] == pytest.approx(float(sky and not hide)) and (beside[:3] > 0).all() == (sky and not hide)
+
+
+@pytest.mark.parametrize("properties", [{}, {"strata": 4}])
+def test_what_is_not_given_is_as_mitsuba_has_it(properties: dict[str, int]) -> None:
+    """The first sensor, seed 0, and as many samples as its sampler has."""
+    description = scene_dict("diffuse", size=(6, 4))
+    other = {**description["sensor"], "fov": 10, "sampler": {"type": "independent", "sample_count": 9}}
+    scene = mi.load_dict({**description, "second": other})
+    integrator = mi.load_dict({"type": "direct_stratified", **properties})
+    image = np.array(integrator.render(scene))
+    same = np.array(mi.render(scene, integrator=integrator, sensor=0, seed=0, spp=4))
+    np.testing.assert_allclose(image, same, rtol=1e-4, atol=1e-6)
+    for change in ({"seed": 1}, {"sensor": 1}, {"spp": 8}):
+        assert np.abs(np.array(integrator.render(scene, **change)) - same).max() > 1e-4

@@ -109,3 +109,12 @@ def test_regions_share_the_leaves_out() -> None:
         assert (len(sampler.regions), sampler.count, 1 << sampler.depth) == (n, n * each, each)
         assert sampler.bytes >= 16 * sampler.count
     assert LeafSampler(environment).bytes == 16 << 16
+    fine = EnvironmentMap(np.ones((192, 384, 3), np.float32))
+    assert RegionLeafSampler(fine, median_cut(fine, 40_000)).count == 40_000  # one each, at least
+
+
+def test_poles_have_no_density() -> None:
+    """A point right at a pole has a direction, and a pdf that is no division by 0."""
+    x = LeafSampler(EnvironmentMap(hall_map()), 0).sample(mi.UInt32(0), mi.Point2f(0.5, [0.0, 1e-3]))
+    assert x.pdf.numpy()[0] == 0 and 0 < x.pdf.numpy()[1] < np.inf
+    np.testing.assert_allclose(x.d.numpy()[:, 0], [0, 1, 0], atol=1e-6)

@@ -70,6 +70,15 @@ def test_rows_follow_the_concentration(bsdf: dict[str, Any], row: int) -> None:
     assert bool(matte[0]) == ROWS[row].matte
 
 
+@pytest.mark.parametrize(("count", "rows"), [(0, []), (1, [3])])
+def test_scenes_of_one_shape_or_none(count: int, rows: list[int]) -> None:
+    from stratalux.integrators.automatic.lobes import _rows
+
+    ball = {"ball": {"type": "sphere", "bsdf": {**CONDUCTOR, "alpha": 0.14}}}
+    lit = mi.load_dict({"type": "scene", "sky": scene_dict()["sky"], **(ball if count else {})})
+    assert _rows(lit)[1].numpy().tolist() == rows
+
+
 def test_what_is_not_known_counts_as_both_matte_and_glossy() -> None:
     from stratalux.integrators.automatic.lobes import ROWS, Allocation
 
