@@ -111,3 +111,78 @@ def test_rays_at_random_change_no_mean(blocked: bool, bright: float, known: floa
     points.expected = None  # then every one gets its ray
     always = strata._shadowed(scene, si, kept, mi.UInt32(4), random, mi.Bool(True)).numpy()
     np.testing.assert_allclose(always, bright / 4 * V, atol=1e-6)
+
+
+def shaded(material: str, seen: str) -> tuple[mi.Scene, Any, mi.SurfaceInteraction3f, mi.BSDFPtr]:
+    """A scene and its light, and places on the shape that is ``seen``, under a sky so even that M is 1."""
+    texels = np.random.default_rng(1).uniform(0.9, 1.1, (16, 32, 3)).astype(np.float32)
+    scene = mi.load_dict(scene_dict(material, texels))
+    light = mi.load_dict({"type": "direct_stratified"}).prepare(scene)
+    x, y = np.meshgrid(np.linspace(0.05, 0.95, 40), np.linspace(0.05, 0.95, 40))
+    ray, _ = scene.sensors()[0].sample_ray(0, 0.5, mi.Point2f(x.ravel(), y.ravel()), mi.Point2f(0.5))
+    si = scene.ray_intersect(ray)
+    shape = next(shape for shape in scene.shapes() if shape.class_name() == seen)
+    at = dr.compress(si.shape == mi.ShapePtr(shape))
+    si = dr.gather(mi.SurfaceInteraction3f, si, at)
+    return scene, light, si, si.bsdf()
+
+
+@pytest.mark.parametrize("material", ["diffuse", "roughplastic", "roughconductor"])
+def test_derivatives_are_those_of_the_same_estimate(material: str) -> None:
+    """Where there is one proposal for each ray; shadows and all."""
+    from stratalux.integrators.automatic.nested_strata import NestedStrata, PixelPoints
+    from stratalux.integrators.light_samples import FreshLight
+
+    scene, light, si, bsdf = shaded(material, "Sphere")
+    _, _, M, _ = light.allocation.of(bsdf, mi.UInt32(0), mi.Bool(True))
+    assert (M.numpy() == 1).all()
+    index = dr.arange(mi.UInt32, dr.width(si.p)) % 8
+    points = PixelPoints(index, mi.UInt32(5))
+    assert int(points.detailed[0]) == 0 and (points.difference.numpy() == 0).all()
+    strata = NestedStrata(light.allocation, points, FreshLight(light, points.seed))
+    one = strata.estimate(scene, light, si, bsdf, mi.Bool(True)).numpy()
+    other = strata.differentiable(scene, light, si, bsdf, mi.Bool(True)).numpy()
+    np.testing.assert_allclose(other, one, rtol=1e-3, atol=1e-4)
+    assert one.mean() > 0.01 and np.std(one[0]) > 0
+    for method in (strata.estimate, strata.differentiable):
+        assert (method(scene, light, si, bsdf, mi.Bool(False)).numpy() == 0).all()
+
+
+@pytest.mark.parametrize("material", ["roughplastic", "roughconductor"])
+def test_samples_of_lobes_bring_their_part(material: str) -> None:
+    from stratalux.integrators.automatic.balance import Balance
+    from stratalux.integrators.automatic.nested_strata import NestedStrata
+    from stratalux.integrators.common import only
+    from stratalux.sampling.points import mix
+
+    _, light, si, bsdf = shaded(material, "Sphere")
+    shares = light.allocation.of(bsdf, mi.UInt32(0), mi.Bool(True))
+    balance = Balance(light.allocation, light, si, bsdf, shares, mi.Bool(True))
+    point = mix(dr.arange(mi.UInt32, dr.width(si.p)))
+    d, g, found = NestedStrata._lobe_sample(light, balance, si, bsdf, point, mi.UInt32(3), mi.Bool(True))
+    f, p = bsdf.eval_pdf(only(mi.BSDFFlags.Glossy), si, si.to_local(d))
+    expected = balance.lobe_part(light.radiance_towards(d, si, found), p) * f
+    lit = found.numpy()
+    assert lit.mean() > 0.8 and (g.numpy()[:, ~lit] == 0).all()
+    np.testing.assert_allclose(g.numpy()[:, lit], expected.numpy()[:, lit], rtol=2e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize(("seen", "origin"), [("metal", [0.2, 3, 0.1]), ("floor", [-3, 3, 2])])
+def test_only_what_is_matte_has_a_variate(seen: str, origin: list[float]) -> None:
+    from stratalux.integrators.automatic.nested_strata import NestedStrata, PixelPoints
+    from stratalux.integrators.light_samples import FreshLight
+
+    description = scene_dict("diffuse")
+    description["ball"]["bsdf"] = {"type": "roughconductor", "alpha": 0.2}
+    scene = mi.load_dict(description)
+    light = mi.load_dict({"type": "direct_stratified"}).prepare(scene)
+    si = scene.ray_intersect(mi.Ray3f(mi.Point3f(origin), mi.Vector3f(0, -1, 0)))
+    metal = next(shape for shape in scene.shapes() if shape.class_name() == "Sphere")
+    assert dr.all((si.shape == mi.ShapePtr(metal)) == (seen == "metal"))
+    points = PixelPoints(dr.arange(mi.UInt32, 64), mi.UInt32(5))
+    strata = NestedStrata(light.allocation, points, FreshLight(light, points.seed), light.tables.variate)
+    strata.estimate(scene, light, si, si.bsdf(), mi.Bool(True))
+    difference = points.difference.numpy()
+    assert (difference == 0).all() if seen == "metal" else (difference != 0).any()
+    # Over all 64 samples, which are one set of strata, little is left of it
+    assert np.abs(difference.mean()) <= 0.2 * np.abs(difference).mean()
