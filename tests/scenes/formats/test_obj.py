@@ -10,6 +10,7 @@ import pytest
 from stratalux.errors import InputError, SceneWarning
 from stratalux.scenes.formats import read_model
 from stratalux.scenes.model import Part
+from tests.helpers import asset
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
@@ -210,3 +211,16 @@ def test_materials_that_are_missing_are_told(tmp_path: Path) -> None:
     assert none.material is None and red.material
     with pytest.warns(SceneWarning, match="1 of its materials are in none of its libraries"):
         parts(tmp_path, SQUARE + "usemtl red\nf 1 2 3\n")
+
+
+def test_a_real_file() -> None:
+    with pytest.warns(SceneWarning, match="'Tr 1' without 'd' is taken for opaque"):
+        (found,) = read_model(asset("models/fuze.obj")).parts
+    assert found.material and found.material.base_colour.texture and found.material.alpha_mode == "opaque"
+    assert found.material.base_colour.texture.picture.path == asset("models/fuze uv.jpg")
+    assert found.faces.shape == (1000, 3) and len(found.uvs[0]) == len(found.vertices)
+    # The same mesh as PLY has its texture at the same places.
+    other = read_model(asset("models/fuze.ply")).parts[0]
+    assert other.material and other.material.base_colour.texture
+    np.testing.assert_allclose(other.vertices[other.faces], found.vertices[found.faces], atol=1e-5)
+    np.testing.assert_allclose(other.uvs[0][other.faces], found.uvs[0][found.faces], atol=1e-5)

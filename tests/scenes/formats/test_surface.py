@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stratalux.scenes.formats.surface import Table, of_faces, parts_of_polygons
-from stratalux.scenes.model import Material
+from stratalux.scenes.formats import surface
+from stratalux.scenes.formats.surface import Table, merged, of_faces, parts_of_polygons
+from stratalux.scenes.model import NONE, Material
 
 PATH = Path("mesh")
 
@@ -83,3 +85,36 @@ def test_more_combinations_than_64_bits_hold() -> None:
     )
     assert part.faces.tolist() == [[0, 1, 2]] and len(part.uvs) == 5
     assert part.uvs[4].tolist() == [[1, 1]] * 3
+
+
+@pytest.mark.parametrize(
+    ("alphas", "mode"), [([1, 1, 1], "opaque"), ([1, 0.5, 1], "blend"), ([0, 0, 0], "opaque"), ([0, 0, 0.5], "blend")]
+)
+def test_what_has_colours_alone_is_matte(alphas: list[float], mode: str) -> None:
+    corners, sizes = np.arange(3), np.array([3])
+    colours = np.concatenate([np.ones((3, 3)), np.array(alphas, dtype=float)[:, None]], axis=1)
+    (part,) = parts_of_polygons(PATH, np.eye(3), corners, sizes, colours=Table(colours))
+    assert part.material and part.material.alpha_mode == mode and part.material.vertex_colours
+    assert part.material.metallic == part.material.specular == NONE and part.name == ""
+    given = Material("paint")
+    (part,) = parts_of_polygons(PATH, np.eye(3), corners, sizes, colours=Table(colours), materials=[given])
+    assert part.material is given
+    (part,) = parts_of_polygons(PATH, np.eye(3), corners, sizes)
+    assert part.material is None
+
+
+@given(st.lists(st.sampled_from([0.0, -0.0, 1.0, 0.1, 1e300]), min_size=2, max_size=60))
+@settings(max_examples=60, deadline=None)
+def test_equal_values_are_merged(numbers: list[float]) -> None:
+    values = np.array(numbers[: len(numbers) // 2 * 2]).reshape(-1, 2)
+    found = merged(values)
+    assert found.corners is not None
+    np.testing.assert_array_equal(found.values[found.corners], values)
+    assert len(found.values) == len(set(values.tobytes()[at : at + 16] for at in range(0, values.nbytes, 16)))
+
+
+def test_values_that_only_look_equal_stay_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(surface, "_MIXER", np.uint64(0))  # all keys are the same
+    values = np.arange(6.0).reshape(3, 2)
+    found = merged(values)
+    np.testing.assert_array_equal(found.values[found.corners], values)

@@ -147,18 +147,20 @@ def test_maps_of_normals(tmp_path: Path, scale: str, bias: str, factor: tuple[fl
 
 
 def test_coordinates_of_textures(tmp_path: Path) -> None:
-    """(0.25, 0.5) of the file, in which v goes up, becomes what the transform says, and then goes down."""
+    """(0.25, 0.75) of the file, in which v goes up, becomes what the transforms say, and then goes down."""
     inputs = "color3f inputs:diffuseColor.connect = </m/image.outputs:rgb>"
-    move = "float2 inputs:in.connect = </m/reader.outputs:result>\nfloat inputs:rotation = 90\n"
-    move += "float2 inputs:scale = (2, 4)\nfloat2 inputs:translation = (0.5, 0)"
+    shift = "float2 inputs:in.connect = </m/reader.outputs:result>\nfloat2 inputs:translation = (0.25, 0)\n"
+    move = "float2 inputs:in.connect = </m/shift.outputs:result>\nfloat inputs:rotation = 90\n"
+    move += "float2 inputs:scale = (2, 4)\nfloat2 inputs:translation = (0.5, 0.125)"
     more = image("float2 inputs:st.connect = </m/move.outputs:result>")
     more += shader("UsdTransform2d", move, "move", "float2 outputs:result")
+    more += shader("UsdTransform2d", shift, "shift", "float2 outputs:result")
     reader = "string inputs:varname.connect = </m.inputs:which>"
     more += shader("UsdPrimvarReader_float2", reader, "reader", "float2 outputs:result")
     text = preview(inputs, more).replace("{\n", '{\nstring inputs:which = "second"\n', 1)
     found = texture(bound(tmp_path, text).base_colour)
-    u, v = -0.5 * 4 + 0.5, 0.25 * 2
-    np.testing.assert_allclose(np.array(found.transform) @ [0.25, 1 - 0.5, 1], [u, 1 - v])
+    u, v = -0.75 * 4 + 0.5, (0.25 + 0.25) * 2 + 0.125
+    np.testing.assert_allclose(np.array(found.transform) @ [0.25, 1 - 0.75, 1], [u, 1 - v])
     assert found.uv_set == 1
     sets = "texCoord2f[] primvars:st = [(0.25, 0.5)]\ntexCoord2f[] primvars:second = [(0.5, 0.125)]"
     part = model(tmp_path, text + mesh("rel material:binding = </m>\n" + sets)).parts[0]
@@ -191,7 +193,10 @@ def test_subsets_have_their_materials(tmp_path: Path) -> None:
     first, second, _ = model(tmp_path, text).parts
     assert first.material and second.material and (first.material.name, second.material.name) == ("a", "b")
     assert first.vertices[:, 0].max() == 1 and second.vertices[:, 0].min() == 1
-    # A material below binds the same everywhere.
+    # With a hole, materials stay with their faces.
+    holes = text.replace("def GeomSubset", "int[] holeIndices = [0]\ndef GeomSubset")
+    assert [part.material and part.material.name for part in model(tmp_path, holes).parts] == ["b", None]
+    # A subset of all faces leaves none to the other material.
     text = text.replace("indices = [1]", "indices = [0, 1]")
     assert [part.material and part.material.name for part in model(tmp_path, text).parts] == ["b", None]
 

@@ -19,17 +19,15 @@ def file_beside(folder: Path, name: str, base: Path | None = None) -> Path | Non
     if last in ("", ".", ".."):
         return None
     bases = list(dict.fromkeys([base or folder, folder]))
-    foreign = name.startswith("/") or re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name)
-    places = [] if foreign else [each / name for each in bases]
     top = os.path.normpath(folder.absolute())
-    places = [place for place in places if _is_below(place, top)] + [each / last for each in bases]
+    places = [each / name for each in bases if _is_below(each / name, top)] + [each / last for each in bases]
     for place in places:
-        if place.is_file():
+        if os.path.isfile(place):
             return place
     for place in places:
-        if place.parent.is_dir():
+        if os.path.isdir(place.parent):
             found = sorted(each for each in os.listdir(place.parent) if each.lower() == place.name.lower())
-            if found and (place.parent / found[0]).is_file():
+            if found and os.path.isfile(place.parent / found[0]):
                 return place.parent / found[0]
     return None
 

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from ...errors import InputError, SceneWarning
-from ..model import Floats, Indices, Material, Part
+from ..model import NONE, Floats, Indices, Material, Part
 from ..polygons import triangulated
+
+_MIXER = np.uint64(0x9E3779B97F4A7C15)
+"""Spreads bits: 2^64 over the golden ratio."""
+_OPAQUE = Material(metallic=NONE, specular=NONE)
+_SEE_THROUGH = replace(_OPAQUE, alpha_mode="blend")
 
 
 class Table(NamedTuple):
@@ -39,7 +45,7 @@ def merged(values: Floats) -> Table:
     bits = np.ascontiguousarray(values, dtype=np.float64).view(np.uint64)
     keys = np.zeros(len(bits), dtype=np.uint64)
     for column in bits.T:
-        keys = (keys ^ (keys >> np.uint64(29)) ^ column) * np.uint64(0x9E3779B97F4A7C15)
+        keys = (keys ^ (keys >> np.uint64(29)) ^ column) * _MIXER
     _, first, index = np.unique(keys, return_index=True, return_inverse=True)
     index = index.reshape(-1)
     if not np.array_equal(bits[first][index], bits):
@@ -67,8 +73,8 @@ def parts_of_polygons(
     `corners` (C,): for each corner of each polygon its vertex, polygon after polygon; `sizes` (P,): how many corners
     each has; `normals` (N, 3), `uvs` (N, 2) and `colours` (N, 4): as in :class:`Part`; `first`: the number that the
     file has for its first vertex; `chosen` (P,): the index of the material of each polygon, by default the first.
-    Where a corner has no normal it is NaN, without coordinates these are 0, and without a colour it is white. Raises
-    InputError where a corner points outside of the vertices.
+    Where a corner has no normal it is NaN, without coordinates these are 0, and without a colour it is white. What has
+    colours and no material is matte. Raises InputError where a corner points outside of the vertices.
     """
     if len(corners) and (corners.min() < 0 or corners.max() >= len(vertices)):
         wrong = corners[(corners < 0) | (corners >= len(vertices))][0]
@@ -110,18 +116,27 @@ def parts_of_polygons(
     for material, own_faces in groups:
         used, faces = (None, own_faces) if len(groups) == 1 else _compact(own_faces)
         chosen_columns = {key: values if used is None else values[used] for key, values in columns.items()}
+        shades = chosen_columns.get(("colours", 0))
+        if material is None and shades is not None:
+            material = _coloured(shades)
         parts.append(
             Part(
                 points if used is None else points[used],
                 faces,
                 chosen_columns.get(("normals", 0)),
                 {n: values for (what, n), values in chosen_columns.items() if what == "uvs"},
-                chosen_columns.get(("colours", 0)),
+                shades,
                 material=material,
                 name=name or (material.name if material else ""),
             )
         )
     return parts
+
+
+def _coloured(colours: Floats) -> Material:
+    """A matte surface of the colours of its vertices (V, 4). Some programs leave alpha 0 everywhere."""
+    is_clear = colours[:, 3].min(initial=1) < 1 and colours[:, 3].max(initial=0) > 0
+    return _SEE_THROUGH if is_clear else _OPAQUE
 
 
 def _complete(table: Table, corners: Indices, vertices: int) -> tuple[Floats, Indices | None] | None:

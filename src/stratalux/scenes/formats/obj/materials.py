@@ -101,6 +101,8 @@ class _Terms:
             base_colour=base,
             metallic=NONE,
             roughness=_inverse(gloss),
+            # Colours of vertices beside an image are the same once more.
+            vertex_colours=base.texture is None,
             emission=self._colour("ke", "map_ke", 0.0),
             ior=self._ior(),
         )
