@@ -70,11 +70,11 @@ def compared(given: argparse.Namespace) -> None:
                 row["error"] = str(error)
             else:
                 row |= differences(ours, theirs)
-                arrays = {f"ours_{key}": value for key, value in vars(ours).items()}
-                arrays |= {f"cycles_{key}": value for key, value in vars(theirs).items()}
+                arrays = {f"ours_{key}": value for key, value in vars(ours).items() if value is not None}
+                arrays |= {f"cycles_{key}": value for key, value in vars(theirs).items() if value is not None}
                 np.savez_compressed(given.output / f"{file.name}.npz", **arrays)
             rows.append(row)
-            numbers = "  ".join(f"{key} {row[key]:.3f}" for key in ("base", "normals", "flip", "ratio") if key in row)
+            numbers = "  ".join(f"{key} {row[key]:.3f}" for key in ("base", "normals", "flip", "single", "ratio") if key in row)
             print(f"{file.name:32} {time.perf_counter() - start:5.1f} s  {row.get('error', numbers)}", flush=True)
     settings = {"map": environment.name, "size": SIZE, "spp": given.spp, "files": rows}
     (given.output / "results.json").write_text(json.dumps(settings, indent=1), encoding="utf-8")

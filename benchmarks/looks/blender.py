@@ -6,6 +6,7 @@ the field of view ``angle`` along the longer side in radians, the ``size`` in pi
 ``output``, the .npz file that is written:
 
 ``picture`` (H, W, 3): radiance, with direct light of the world and of lamps at the first surface, in front of the map.
+``single``: the same without the light that goes between microfacets more than once, where there are any.
 ``base`` (H, W, 3): base colours over black. ``normals`` (H, W, 3): n / 2 + 1/2 of the normals n that materials are
 shaded with, y up, over black. ``coverage`` (H, W): the part of each pixel that is surface.
 """
@@ -23,7 +24,7 @@ from mathutils import Matrix
 
 MATTE = 0.5
 """Reflectance of what the file says nothing of: our clay."""
-_FLAT_SPP = 16
+_FLAT_SPP = 64
 
 
 def main(job: dict[str, Any]) -> None:
@@ -36,6 +37,8 @@ def main(job: dict[str, Any]) -> None:
     world(scene, job["map"])
     output = Path(job["output"])
     found = {"picture": render(scene, output, job["spp"])[..., :3]}
+    if single_scattering():
+        found["single"] = render(scene, output, job["spp"])[..., :3]
     scene.render.film_transparent = True
     scene.world = None
     for lamp in [each for each in scene.objects if each.type == "LIGHT"]:
@@ -140,6 +143,15 @@ def world(scene: Any, path: str) -> None:
     made.cycles.sampling_method = "MANUAL"
     made.cycles.sample_map_resolution = picture.image.size[0]
     scene.world = made
+
+
+def single_scattering() -> bool:
+    """Rough reflections as glTF has them, which get darker where Blender makes up for what is lost; whether any do."""
+    trees = [material.node_tree for material in bpy.data.materials if material.use_nodes]
+    found = [node for tree in trees for node in tree.nodes if node.type == "BSDF_PRINCIPLED"]
+    for node in found:
+        node.distribution = "GGX"
+    return bool(found)
 
 
 # ------------------------------- Base colours and normals, as light that surfaces emit -------------------------------

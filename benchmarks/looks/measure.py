@@ -15,11 +15,15 @@ def differences(ours: Passes, theirs: Passes) -> dict[str, float]:
     """Means over the pixels in which one or the other has a surface.
 
     ``base``: |difference| of the channels of base colours; ``normals``: that of normals (x, y, z); ``coverage``: of the
-    part of a pixel that is surface; ``flip``: HDR-FLIP of the pictures; ``ratio``: of the brightness, ours by theirs.
+    part of a pixel that is surface; ``flip``: HDR-FLIP of the pictures, and ``single`` that without what microfacets
+    scatter more than once; ``ratio``: of the brightness, ours by theirs.
     """
     there = (ours.coverage > _SOME) | (theirs.coverage > _SOME)
-    errors = flip_map(ours.picture, theirs.picture)
-    assert errors is not None
+
+    def flip(reference: np.ndarray) -> float:
+        errors = flip_map(ours.picture, reference)
+        assert errors is not None
+        return float(errors[there].mean(dtype=np.float64))
 
     def mean(a: np.ndarray, b: np.ndarray) -> float:
         return float(np.abs(a.astype(np.float64) - b)[there].mean())
@@ -28,6 +32,7 @@ def differences(ours: Passes, theirs: Passes) -> dict[str, float]:
         "base": mean(ours.base, theirs.base),
         "normals": 2 * mean(ours.normals, theirs.normals),
         "coverage": mean(ours.coverage, theirs.coverage),
-        "flip": float(errors[there].mean(dtype=np.float64)),
+        "flip": flip(theirs.picture),
+        "single": flip(theirs.picture if theirs.single is None else theirs.single),
         "ratio": float(ours.picture[there].mean(dtype=np.float64) / theirs.picture[there].mean(dtype=np.float64)),
     }

@@ -25,19 +25,20 @@ from stratalux.scenes.settings import ENV_FRAMES, CameraSettings
 from stratalux.scenes.shapes import load_object
 
 Image = NDArray[np.float32]
-_FLAT_SPP = 16
+_FLAT_SPP = 64
 _TILT = 0.1
 """Slope of the directions from which light tells what a normal is."""
 
 
 @dataclass(frozen=True)
 class Passes:
-    """``picture``, ``base`` and ``normals`` (H, W, 3), and ``coverage`` (H, W), see :mod:`.blender`."""
+    """``picture``, ``base`` and ``normals`` (H, W, 3), ``coverage`` (H, W) and ``single``, see :mod:`.blender`."""
 
     picture: Image
     base: Image
     normals: Image
     coverage: Image
+    single: Image | None = None
 
 
 @dataclass(frozen=True)
@@ -67,11 +68,10 @@ class Painted(Looks):
         return super()._bsdf(replace(material, unlit=False), *about)
 
     def _surface(self, *about: Any) -> dict[str, Any]:
-        made = super()._surface(*about)
-        made = made.get("first", made)
-        made = made.get("bsdf", made)
-        base = made["specular_transmittance"] if made["type"] == "thindielectric" else made["base_color"]
-        return {"type": "diffuse", "reflectance": base}
+        return {"type": "diffuse", "reflectance": super()._surface(*about)["base_color"]}
+
+    def _glass(self, _material: Any, _sets: Any, bsdf: dict[str, Any]) -> dict[str, Any]:
+        return bsdf
 
     def _bent(self, _material: Any, _sets: Any, _mirrored: bool, bsdf: dict[str, Any]) -> dict[str, Any]:
         return bsdf
@@ -112,8 +112,9 @@ def _mean(scene: mi.Scene, value: Any) -> tuple[Image, Image]:
     ray, _ = one.sample_ray(0.0, 0.0, place, 0.0)
     arrival = first_surface(scene, ray, sampler.next_1d(), lambda si: mi.Bool(False), False, mi.Bool(True))
     hit = arrival.si.is_valid()
-    found = arrival.reflected(mi.Color3f(dr.select(hit, value(arrival.si, hit), 0)))
-    there = arrival.reflected(mi.Color3f(dr.select(hit, 1, 0)))
+    # As if it were emitted: what is reflected at a mask has the share that it stops already.
+    found = arrival.emitted(mi.Color3f(dr.select(hit, value(arrival.si, hit), 0)))
+    there = arrival.emitted(mi.Color3f(dr.select(hit, 1, 0)))
     shape = (height, width, _FLAT_SPP, 3)
     pixels, coverage = (np.array(each).T.reshape(shape).mean(axis=2) for each in (found, there))
     return pixels.astype(np.float32), coverage[..., 0].astype(np.float32)

@@ -50,7 +50,8 @@ class Cycles:
             said = [line.strip() for line in (ended.stdout + ended.stderr).splitlines() if line.strip()]
             raise BlenderError(said[-1] if said else f"Blender ended with status {ended.returncode}")
         with np.load(output) as stored:
-            passes = Passes(stored["picture"], stored["base"], stored["normals"], stored["coverage"])
+            single = stored["single"] if "single" in stored.files else None
+            passes = Passes(stored["picture"], stored["base"], stored["normals"], stored["coverage"], single)
             return passes, str(stored["version"])
 
 
