@@ -44,9 +44,9 @@ def main() -> None:
 def compared(given: argparse.Namespace) -> None:
     """Render, measure and write what ``given`` asks for."""
     choose_variant()
-    from .process import BlenderError, Cycles
     from .measure import differences
     from .ours import render
+    from .process import BlenderError, Cycles
     from .sheet import sheet
 
     environment = given.assets / given.map
@@ -74,7 +74,9 @@ def compared(given: argparse.Namespace) -> None:
                 arrays |= {f"cycles_{key}": value for key, value in vars(theirs).items() if value is not None}
                 np.savez_compressed(given.output / f"{file.name}.npz", **arrays)
             rows.append(row)
-            numbers = "  ".join(f"{key} {row[key]:.3f}" for key in ("base", "normals", "flip", "single", "ratio") if key in row)
+            numbers = "  ".join(
+                f"{key} {row[key]:.3f}" for key in ("base", "normals", "flip", "single", "ratio") if key in row
+            )
             print(f"{file.name:32} {time.perf_counter() - start:5.1f} s  {row.get('error', numbers)}", flush=True)
     settings = {"map": environment.name, "size": SIZE, "spp": given.spp, "files": rows}
     (given.output / "results.json").write_text(json.dumps(settings, indent=1), encoding="utf-8")

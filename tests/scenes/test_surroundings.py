@@ -108,3 +108,25 @@ def test_what_is_below(tmp_path: Path, kind: str, share: float) -> None:
     image = picture(tmp_path, ground=kind, background="none", orbit=(0, 60), spp=16)
     np.testing.assert_allclose(image[0, 0, :3], share, rtol=0.06)
     assert image[0, 0, 3] == pytest.approx(float(share > 0))
+
+
+@pytest.mark.parametrize("kind", ["catcher", "matte", "none"])
+def test_which_pixels_show_the_object(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "a.obj").write_text(OBJ)
+    environment = EnvironmentMap.from_array(np.ones((8, 16, 3), dtype=np.float32))
+    result = stratalux.render(tmp_path / "a.obj", environment=environment, size=(60, 40), spp=1, ground=kind)
+    assert result.object_pixels is not None
+    seen = result.object_pixels()
+    assert 0.1 < seen.mean() < 0.6
+    assert seen[20, 30] and not seen[0].any() and not seen[-1].any()
+
+
+def test_the_automatic_exposure_is_that_of_the_object(tmp_path: Path) -> None:
+    """However bright what is behind is."""
+    (tmp_path / "a.obj").write_text(OBJ)
+    environment = EnvironmentMap.from_array(np.ones((8, 16, 3), dtype=np.float32))
+    stops = [
+        stratalux.render(tmp_path / "a.obj", environment=environment, size=(60, 40), spp=16, background=behind).exposure
+        for behind in ("map", "none", "100,100,100")
+    ]
+    np.testing.assert_allclose(stops, stops[0], atol=0.15)

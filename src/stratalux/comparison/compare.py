@@ -26,6 +26,7 @@ from ..rendering.settings import MachineSettings
 from ..scenes.camera import own_camera
 from ..scenes.load import load
 from ..scenes.settings import CameraSettings, SceneSettings
+from ..scenes.surroundings import shrunk
 from ..settings import Settings, command_line, documented
 from .contest import FLOOR_MARGIN, Contender, Judge, Meter, Progress, Rounds
 from .findings import Findings
@@ -221,13 +222,7 @@ def surface_mask(scene: mi.Scene, sensor: int = 0) -> Mask:
         position = (corner + sampler.next_2d()) / mi.Vector2f(width, height)
         ray, _ = camera.sample_ray(0, sampler.next_1d(), mi.Point2f(position), sampler.next_2d())
         mask &= scene.ray_test(ray).numpy().reshape(height, width)
-    reach = int(np.ceil(film.rfilter().radius() - 0.5 - 1e-3))
-    if reach > 0:
-        # What is beyond the film's edge is not seen.
-        padded = np.pad(mask, reach, constant_values=True)
-        windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * reach + 1,) * 2)
-        mask = np.asarray(windows.all(axis=(2, 3)))
-    return mask
+    return shrunk(mask, film)
 
 
 def _taken(group: type[Settings], settings: dict[str, Any]) -> dict[str, Any]:

@@ -77,10 +77,16 @@ def jpeg(pixels: NDArray[np.uint8], quality: int = 85) -> bytes:
     return encode_file(".jpg", pixels, _NAMES[3], quality=quality, attributes={"jpeg:subsampling": "4:2:0"})
 
 
-def automatic_exposure(image: Image) -> float:
-    """The exposure in stops that a picture of ``image`` gets unless told: that of what alpha covers."""
+def automatic_exposure(image: Image, mask: NDArray[np.bool_] | None = None) -> float:
+    """The exposure in stops that a picture of ``image`` gets unless told: that of what alpha covers.
+
+    ``mask`` (H, W): pixels that count; all of them where none does.
+    """
     meter = Meter()
-    add_to(meter, *_colours_and_alpha(*_channels(image)))
+    colours, alpha = _colours_and_alpha(*_channels(image))
+    if mask is not None and mask.any():
+        colours, alpha = colours[mask][None], None if alpha is None else alpha[mask][None]
+    add_to(meter, colours, alpha)
     return meter.stops
 
 

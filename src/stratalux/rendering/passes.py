@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..images.files import is_picture
 from ..images.settings import OutputSettings
 from ..images.writing import automatic_exposure, write_image
 from ..integrators.techniques import Value, parse_technique
 from ..scenes.camera import own_camera
 from ..scenes.load import Loaded, load
+from ..scenes.surroundings import object_pixels
 from ..settings import documented
 from .settings import GROUPS, LARGEST_SEED, METADATA, MachineSettings, PictureSettings, SamplingSettings
 from .variants import choose_variant, why_not
@@ -39,8 +42,8 @@ class RenderResult:
     ``preparation_seconds``: cutting the map and building tables; ``compile_seconds``: tracing and compiling kernels.
     ``camera_rays``, and ``shadow_rays`` towards the environment at most (none is traced where no light can arrive).
     ``picture``: all that the image depends on; with an integrator of a program's own there is None. ``measure``: how
-    large the object is, in words; of what is no object, nothing. ``float32``: whether the scene's film asks for numbers
-    of 32 bits in files.
+    large the object is, in words, and ``object_pixels`` those (H, W) that show it; of a scene, nothing. ``float32``:
+    whether the scene's film asks for numbers of 32 bits in files.
     """
 
     bitmap: mi.Bitmap
@@ -54,6 +57,7 @@ class RenderResult:
     settings: dict[str, Value]
     picture: PictureSettings | None = None
     measure: str = ""
+    object_pixels: Callable[[], NDArray[np.bool_]] | None = None
     float32: bool = False
 
     @property
@@ -80,8 +84,10 @@ class RenderResult:
 
     @property
     def exposure(self) -> float:
-        """Exposure in stops of all pictures: that of the settings, or the automatic one."""
-        return automatic_exposure(self.bitmap) if self.output.exposure is None else self.output.exposure
+        """Exposure in stops of all pictures: that of the settings, or the automatic one, which meters the object."""
+        if self.output.exposure is not None:
+            return self.output.exposure
+        return automatic_exposure(self.bitmap, None if self.object_pixels is None else self.object_pixels())
 
     @documented(OutputSettings)
     def write(self, path: str | Path, **settings: Any) -> None:
@@ -91,7 +97,10 @@ class RenderResult:
         too.
         """
         of_film = {"float32": True} if self.float32 and Path(path).suffix.lower() == ".exr" else {}
-        write_image(path, self.bitmap, self.metadata(), **(self.output.changed() | of_film | settings))
+        given = self.output.changed() | of_film | settings
+        if given.get("exposure") is None and is_picture(path, self.output):
+            given["exposure"] = self.exposure
+        write_image(path, self.bitmap, self.metadata(), **given)
 
 
 @documented(*GROUPS.values(), without=("source",))
@@ -195,6 +204,7 @@ def _render_passes(
             settings={**about, "integrator": " ".join(str(integrator).split()), "seed": sampling.seed},
             picture=None if own else picture,
             measure=loaded.measure,
+            object_pixels=partial(object_pixels, scene, camera) if loaded.measure else None,
             float32="component_format = float32" in str(film),  # it says so nowhere else
         )
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import NDArray
 
 from ..errors import InputError, SceneWarning
 from ..images.reading import read_image
@@ -86,6 +88,33 @@ def ground(kind: str, bounds: npt.ArrayLike) -> dict[str, Any] | None:
     middle = [(low[0] + high[0]) / 2, low[1] - 1e-4 * half, (low[2] + high[2]) / 2]
     flat = mi.ScalarTransform4f().translate(middle).rotate([1, 0, 0], -90).scale(GROUND_RADIUS * half)
     return {"type": "disk", "id": GROUND, "to_world": flat, "bsdf": _surface(kind)}
+
+
+def object_pixels(scene: mi.Scene, camera: mi.Sensor) -> NDArray[np.bool_]:
+    """Pixels (H, W) that show something else than the ground and what is behind; without those at its edges, if any
+    others are left."""
+    width, height = (int(side) for side in camera.film().crop_size())
+    index = dr.arange(mi.UInt32, width * height)
+    position = (mi.Vector2f(index % width, index // width) + 0.5) / mi.Vector2f(width, height)
+    ray, _ = camera.sample_ray(0, 0.5, mi.Point2f(position), mi.Point2f(0.5))
+    si = scene.ray_intersect(ray)
+    seen = si.is_valid()
+    for shape in scene.shapes():
+        if shape.id() == GROUND:
+            seen &= si.shape != mi.ShapePtr(shape)
+    mask = seen.numpy().reshape(height, width)
+    inner = shrunk(mask, camera.film())
+    return inner if inner.any() else mask
+
+
+def shrunk(mask: NDArray[np.bool_], film: mi.Film) -> NDArray[np.bool_]:
+    """A mask (H, W) of pixels without those to which others add by the film's filter; beyond the edges all is well."""
+    reach = int(np.ceil(film.rfilter().radius() - 0.5 - 1e-3))
+    if reach <= 0:
+        return mask
+    padded = np.pad(mask, reach, constant_values=True)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * reach + 1,) * 2)
+    return np.asarray(windows.all(axis=(2, 3)))
 
 
 def _surface(kind: str) -> dict[str, Any]:
