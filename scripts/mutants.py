@@ -61,29 +61,30 @@ TESTS = {
     "sampling/recording.py": "sampling/test_recording.py integrators/automatic/test_launch.py",
     "sampling/region_sampler.py": "statistics/test_region_sampler.py",
     "integrators/automatic/adaptive.py": "integrators/automatic/test_adaptive.py statistics/test_nested_strata.py",
-    "integrators/automatic/image.py": "integrators/automatic integrators/test_invariances.py "
-    "statistics/test_nested_strata.py statistics/test_scenes.py",
-    "integrators/automatic/launch.py": "integrators/automatic/test_launch.py integrators/test_derivatives.py "
-    "statistics/test_nested_strata.py",
-    "integrators/automatic/lobes.py": "integrators/automatic/test_balance.py integrators/automatic/test_adaptive.py "
-    "statistics/test_nested_strata.py",
-    "integrators/automatic/nested_strata.py": "integrators/automatic/test_balance.py integrators/test_invariances.py "
-    "statistics/test_nested_strata.py",
+    "integrators/automatic/image.py": "integrators/automatic/test_image.py integrators/automatic/test_launch.py "
+    "integrators/automatic/test_visibility.py statistics/test_nested_strata.py",
+    "integrators/automatic/launch.py": "integrators/automatic/test_launch.py integrators/automatic/test_look.py "
+    "statistics/test_scenes.py statistics/test_nested_strata.py",
+    "integrators/automatic/lobes.py": "integrators/automatic/test_lobes.py integrators/automatic/test_balance.py "
+    "statistics/test_nested_strata.py -k not fireflies",
+    "integrators/automatic/nested_strata.py": "integrators/automatic/test_nested_strata.py "
+    "integrators/automatic/test_balance.py integrators/test_derivatives.py statistics/test_nested_strata.py",
     "integrators/automatic/sample.py": "integrators/automatic/test_launch.py integrators/test_environment.py "
     "statistics/test_nested_strata.py",
-    "integrators/automatic/variate.py": "integrators/automatic/test_launch.py integrators/test_invariances.py "
-    "statistics/test_nested_strata.py",
-    "integrators/automatic/visibility.py": "integrators/automatic/test_visibility.py statistics/test_nested_strata.py",
-    "integrators/common.py": "integrators/test_common.py integrators/test_weights.py statistics/test_others_are_off.py "
+    "integrators/automatic/variate.py": "integrators/automatic/test_variate.py statistics/test_nested_strata.py",
+    "integrators/common.py": "integrators/test_common.py integrators/test_weights.py integrators/test_derivatives.py "
+    "statistics/test_others_are_off.py "
     "statistics/test_scenes.py statistics/test_techniques.py statistics/test_unbiased.py",
     "integrators/derivatives.py": "integrators/test_derivatives.py statistics/test_derivatives.py",
-    "integrators/direct_importance.py": "integrators/test_weights.py statistics/test_techniques.py",
-    "integrators/direct_lights.py": "statistics/test_lights.py statistics/test_techniques.py -k lights or median",
-    "integrators/direct_stratified.py": "integrators/test_weights.py statistics/test_unbiased.py "
-    "statistics/test_techniques.py",
-    "integrators/direct_wavelet.py": "integrators/test_weights.py statistics/test_wavelet.py",
+    "integrators/direct_importance.py": "integrators/test_direct_importance.py "
+    "statistics/test_techniques.py -k importance or low_discrepancy",
+    "integrators/direct_lights.py": "integrators/test_direct_lights.py statistics/test_lights.py "
+    "integrators/test_techniques.py",
+    "integrators/direct_stratified.py": "integrators/test_weights.py integrators/test_techniques.py "
+    "statistics/test_unbiased.py",
+    "integrators/direct_wavelet.py": "statistics/test_wavelet.py",
     "integrators/environment.py": "integrators/test_environment.py statistics/test_scenes.py",
-    "integrators/light_samples.py": "integrators/test_weights.py integrators/automatic/test_balance.py "
+    "integrators/light_samples.py": "integrators/test_light_samples.py integrators/test_weights.py "
     "integrators/automatic/test_launch.py statistics/test_nested_strata.py",
     "integrators/mitsuba_own.py": "integrators/test_techniques.py",
 }

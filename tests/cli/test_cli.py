@@ -134,6 +134,8 @@ def test_the_film_of_a_scene_may_ask_for_32_bits(monkeypatch: pytest.MonkeyPatch
     ):
         assert run(monkeypatch, "render", f"{source}.xml", *asked, *SMALL[2:], "-o", "a.exr", "-q") == 0
         assert np.array(mi.Bitmap("a.exr")).dtype == kind
+    assert run(monkeypatch, "render", "precise.xml", *SMALL[2:], "-o", "a.tif", "-q") == 0
+    assert read_image("a.tif").said  # of 8 bits
 
 
 def test_a_sun_beyond_half_is_told(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:

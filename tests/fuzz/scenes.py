@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from tests.helpers import hall_map
+from tests.images.make import write
 
 _INTEGERS = (
     "0",
@@ -67,6 +68,10 @@ _FILES += (
     "broken.vol",
     "none\u4e2d.ply",
     "scene.xml",
+    "cut.exr",
+    "cut.png",
+    "window.exr",
+    "half.exr",
 )
 _NAMES = ("value", "x", "y", "z", "origin", "target", "up", "type", "name", "id", "version", "angle", "filename")
 _ATTRIBUTE = re.compile(rf'\b({"|".join(_NAMES)})="([^"]*)"')
@@ -241,6 +246,12 @@ def make_files(folder: Path) -> None:
     (folder / "folder").mkdir(exist_ok=True)
     mi.Bitmap(hall_map(8, 16)).write(str(folder / "map.exr"))
     mi.Bitmap(np.arange(4 * 4 * 3, dtype=np.uint8).reshape(4, 4, 3)).write(str(folder / "texture.png"))
+    for name in ("map.exr", "texture.png"):
+        content = (folder / name).read_bytes()
+        (folder / f"cut{name[-4:]}").write_bytes(content[: len(content) * 3 // 4])
+    write(folder / "window.exr", hall_map(12, 24), at=(-3, -2), display=(0, 0, 16, 8))
+    with np.errstate(over="ignore"):
+        write(folder / "half.exr", 1e4 * hall_map(8, 16), type="half")
     (folder / "text.png").write_text("words")
     (folder / "empty.exr").write_bytes(b"")
     (folder / "mesh.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")

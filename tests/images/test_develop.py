@@ -10,7 +10,7 @@ import pytest
 from stratalux import InputError, develop
 from stratalux.errors import ImageWarning
 from stratalux.images.tonemap import auto_exposure, tonemap
-from stratalux.images.writing import write_image
+from stratalux.images.writing import automatic_exposure, write_image
 from tests.images.make import card, write
 from tests.images.test_writing import COVERED, spec_and_pixels
 
@@ -60,6 +60,18 @@ def test_alpha_comes_along(pair: tuple[str, str]) -> None:
         develop("c.png", "e.png", exposure=0, view="standard")
     again = spec_and_pixels(Path("e.png"))[1].astype(int)
     assert np.abs(again - developed)[developed[..., 3] > 0].max() <= 1
+
+
+def test_what_is_covered_is_metered(pair: tuple[str, str]) -> None:
+    """Edges that hardly are, and half floats that make nothing of them, do not make the rest brighter."""
+    alpha = np.zeros(CARD.shape[:2], dtype=np.float32)
+    alpha[2:, 3:], alpha[1, 3:] = 1, 1e-9
+    covered = np.dstack([CARD * alpha[..., None], alpha])
+    write_image("c.exr", covered)
+    write_image("d.exr", covered, float32=True)
+    exposures = [develop(name, "c.png").exposure for name in ("c.exr", "d.exr")]
+    assert exposures == pytest.approx([auto_exposure(CARD[2:, 3:])] * 2, abs=1e-4)
+    assert automatic_exposure(covered) == pytest.approx(exposures[1], abs=1e-6)
 
 
 def test_what_a_file_says_is_told(pair: tuple[str, str]) -> None:

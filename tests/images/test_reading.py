@@ -340,3 +340,36 @@ def test_missing_files_and_folders(tmp_path: Path) -> None:
     for path in (tmp_path / "none.exr", tmp_path):
         with pytest.raises(InputError, match="no such file"):
             read_image(path)
+
+
+def test_alpha_is_read_where_it_is_asked_for(tmp_path: Path, reader: Reader) -> None:
+    """That of the layer which is the picture, and in the same window; outside, there is none."""
+    alpha = CARD[..., :1] / 8
+    names = ["Image.A", "Image.B", "Image.G", "Image.R", "other.A"]
+    channels = np.dstack([alpha, CARD[..., ::-1], np.ones_like(alpha)])
+    path = write(tmp_path / "a.exr", channels, names=names, at=(2, 1), display=(0, 0, 40, 20))
+    image = read_image(path, reader=reader, alpha=True)
+    assert image.alpha is not None and image.alpha.shape == (20, 40)
+    np.testing.assert_array_equal(image.alpha[1:17, 2:34], alpha[..., 0])
+    np.testing.assert_array_equal(image.pixels[1:17, 2:34], CARD)
+    assert image.alpha.sum() == pytest.approx(alpha.sum()) and image.pixels.flags.c_contiguous
+    assert read_image(path, reader=reader).alpha is None
+    assert read_image(write(tmp_path / "b.exr", CARD), reader=reader, alpha=True).alpha is None
+
+
+@pytest.mark.parametrize("straight", [0, 1])
+def test_alpha_of_integers(tmp_path: Path, reader: Reader, straight: int) -> None:
+    """Colours come multiplied by it, and linear before that, whichever way the file has them; and turned alike."""
+    codes = np.full((4, 8, 4), 0.735357, dtype=np.float32)  # 0.5 of linear light
+    codes[..., 3] = np.linspace(0.25, 1, 32).reshape(4, 8)
+    stored = codes.copy()
+    if not straight:
+        stored[..., :3] *= codes[..., 3:]
+    more = {"oiio__UnassociatedAlpha": 1} if straight else {}
+    path = write(tmp_path / "a.tif", stored, type="uint16", names=["R", "G", "B", "A"], Orientation=6, **more)
+    image = read_image(path, reader=reader, alpha=True)
+    assert image.alpha is not None
+    np.testing.assert_allclose(image.alpha, np.rot90(codes[..., 3], -1), atol=1e-4)
+    np.testing.assert_allclose(image.pixels, np.repeat(0.5 * image.alpha[..., None], 3, axis=2), atol=1e-4)
+    assert "alpha" not in said(image)
+    assert ("alpha is left out" in said(read_image(path, reader=reader))) == bool(straight)

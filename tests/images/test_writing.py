@@ -147,6 +147,15 @@ def test_formats_of_colours_take_any_film(tmp_path: Path, suffix: str, channels:
         np.testing.assert_allclose(written, 0.25)
 
 
+def test_grey_with_alpha_and_a_distance(tmp_path: Path) -> None:
+    pixels = np.dstack([0.25 * ALPHA, ALPHA, 100 * ALPHA])
+    write_image(tmp_path / "a.png", mi.Bitmap(pixels, mi.Bitmap.PixelFormat.MultiChannel, ["Y", "A", "T"]), exposure=0)
+    _, written = spec_and_pixels(tmp_path / "a.png")
+    expected = tonemap(np.full((1, 1, 3), 0.25, dtype=np.float32), 0.0)[0, 0]
+    assert np.abs(written[ALPHA > 0][:, :3].astype(int) - expected).max() <= 1
+    assert np.array_equal(written[..., 3], np.round(ALPHA * 255))
+
+
 def test_openexr_has_the_names_of_the_film(tmp_path: Path) -> None:
     for kind, names in (("Y", "Y"), ("YA", "YA"), ("RGB", "RGB"), ("RGBA", "RGBA"), ("XYZ", "XYZ")):
         bitmap = mi.Bitmap(COVERED[..., : len(names)].copy(), getattr(mi.Bitmap.PixelFormat, kind))

@@ -13,6 +13,8 @@ from stratalux import EnvironmentMap
 from stratalux.maps.geometry import direction, map_coordinates
 from stratalux.sampling.equal_area import (
     LightPyramid,
+    _mean_around,
+    _mean_inside,
     direction_to_square,
     first_node,
     index_of_texel,
@@ -164,6 +166,30 @@ def test_density_is_positive_wherever_the_lookup_is(name: str) -> None:
     uv = square_to_map(s).numpy().astype(np.float64)
     radiance = bilinear(environment, *uv)
     assert (value[radiance > 0] > 0).all()
+
+
+@pytest.mark.parametrize("name", ["hall, odd size", "single texel"])
+def test_values_are_those_inside_and_a_twentieth_of_those_around(name: str) -> None:
+    environment = EnvironmentMap(MAPS[name]())
+    pyramid = LightPyramid(environment)
+    texel = texel_of_index(dr.arange(mi.UInt32, pyramid.resolution**2))
+    side = np.sqrt(environment.height * environment.width)
+    points = max(2, int(np.ceil(2 * side / pyramid.resolution)))
+    around, lit = _mean_around(environment, texel, pyramid.resolution)
+    expected = 0.95 * _mean_inside(environment, texel, pyramid.resolution, points) + 0.05 * around
+    finest = pyramid.value(first_node(pyramid.levels) + dr.arange(mi.UInt32, pyramid.resolution**2)).numpy()
+    np.testing.assert_allclose(finest, np.where(lit, np.maximum(expected / expected.mean(), 1e-9), 0), rtol=1e-5)
+
+
+def test_means_inside_are_those_of_the_lookup() -> None:
+    environment, resolution, points = EnvironmentMap(hall_map(25, 47)), 16, 5
+    index = dr.arange(mi.UInt32, resolution**2)
+    found = _mean_inside(environment, texel_of_index(index), resolution, points)
+    at = (np.arange(resolution * points) + 0.5) / (resolution * points)
+    uv = square_to_map(mi.Point2f(*(a.ravel().astype(np.float32) for a in np.meshgrid(at, at)))).numpy()
+    fine = bilinear(environment, *uv.astype(np.float64)).reshape(resolution, points, resolution, points)
+    x, y = texel_of_index(index).numpy()
+    np.testing.assert_allclose(found, fine.mean(axis=(1, 3))[y, x], rtol=1e-3, atol=1e-4)
 
 
 def test_a_black_map() -> None:

@@ -73,6 +73,19 @@ def test_leaves_are_in_the_order_of_the_tree() -> None:
         assert (halves[:, 0] <= halves[:, 1] + 1e-9).all()
 
 
+@pytest.mark.parametrize("texels", [hall_map(), sun_map()], ids=["hall", "sun"])
+def test_cuts_run_across_the_longer_side(texels: NDArray[np.float32]) -> None:
+    """On the sphere: widths count with the sine of the latitude in the middle."""
+    environment = EnvironmentMap(texels)
+    width, height = environment.width, environment.height - 1
+    for depth in range(8):
+        _, y, w, h = equal_energy_leaves(environment, depth).T
+        halves = equal_energy_leaves(environment, depth + 1).reshape(-1, 2, 4)
+        vertical = 2 * w / width * np.sin(np.pi * (y + h / 2) / height) >= h / height
+        for half in halves.swapaxes(0, 1):
+            np.testing.assert_allclose(np.where(vertical, half[:, 3], half[:, 2]), np.where(vertical, h, w), rtol=1e-9)
+
+
 @pytest.mark.parametrize("n", [3, 37])
 def test_energies_are_equal_within_each_region(n: int) -> None:
     environment = EnvironmentMap(hall_map())

@@ -103,6 +103,18 @@ def test_leaves_of_regions_are_cut_where_those_of_the_map_are() -> None:
 
 def test_regions_share_the_leaves_out() -> None:
     environment = EnvironmentMap(hall_map())
-    for n in (1, 3, 64):
+    # Half as many where there are many of them
+    for n, each in ((1, 1 << 16), (3, 1 << 14), (64, 1 << 10), (65, 1 << 9), (256, 1 << 8), (257, 1 << 6)):
         sampler = RegionLeafSampler(environment, median_cut(environment, n))
-        assert 1 << 15 < sampler.count <= 1 << 16
+        assert (len(sampler.regions), sampler.count, 1 << sampler.depth) == (n, n * each, each)
+        assert sampler.bytes >= 16 * sampler.count
+    assert LeafSampler(environment).bytes == 16 << 16
+    fine = EnvironmentMap(np.ones((192, 384, 3), np.float32))
+    assert RegionLeafSampler(fine, median_cut(fine, 40_000)).count == 40_000  # one each, at least
+
+
+def test_poles_have_no_density() -> None:
+    """A point right at a pole has a direction, and a pdf that is no division by 0."""
+    x = LeafSampler(EnvironmentMap(hall_map()), 0).sample(mi.UInt32(0), mi.Point2f(0.5, [0.0, 1e-3]))
+    assert x.pdf.numpy()[0] == 0 and 0 < x.pdf.numpy()[1] < np.inf
+    np.testing.assert_allclose(x.d.numpy()[:, 0], [0, 1, 0], atol=1e-6)

@@ -8,11 +8,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
 from stratalux import EnvironmentMap, median_cut
-from stratalux.sampling.region_sampler import RegionSampler, RegionTables
+from stratalux.sampling.region_sampler import RegionSampler, RegionTables, _integer_cdf
 from tests.helpers import hall_map, sidak, sun_map
 
 SAMPLES = 400_000
@@ -175,6 +177,25 @@ def test_every_cell_with_energy_can_be_drawn(name: str) -> None:
         assert (units[energy > 0] >= 1).all() and (units[energy == 0] == 0).all()
         assert units.sum() == 1 << 31
         np.testing.assert_allclose(units / 2**31, energy / energy.sum(), atol=2 * cells / 2**31)
+
+
+@settings(max_examples=50)
+@given(st.integers(1, 200), st.integers(0, 2**32 - 1), st.floats(0, 30))
+def test_units_are_shared_out_in_proportion(count: int, seed: int, contrast: float) -> None:
+    random = np.random.default_rng(seed)
+    weights = np.exp(-contrast * random.random(count)) * (random.random(count) < 0.7)
+    units = np.diff(_integer_cdf(weights).astype(np.int64), prepend=0)
+    if weights.any():
+        assert (units[weights > 0] >= 1).all() and (units[weights == 0] == 0).all() and units.sum() == 1 << 31
+        np.testing.assert_allclose(units, 2**31 * weights / weights.sum(), atol=count + 1)
+    else:
+        assert (units == 0).all()
+
+
+def test_dim_cells_at_the_end_have_units_too() -> None:
+    units = np.diff(_integer_cdf(np.array([1.0, *[1e-15] * 9, 0.0])).astype(np.int64), prepend=0)
+    np.testing.assert_allclose(units, [(1 << 31) - 9, *[1] * 9, 0], rtol=0, atol=1)
+    assert units[:10].min() == 1 and units.sum() == 1 << 31 and units[10] == 0
 
 
 def test_a_black_region_has_no_density() -> None:

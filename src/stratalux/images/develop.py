@@ -18,7 +18,7 @@ from .reader import Reader
 from .reading import Image, read_image
 from .settings import PictureFileSettings
 from .tonemap import Meter
-from .writing import write_developed
+from .writing import add_to, write_developed
 
 _PLACE = "{}"
 _SUFFIX = ".png"
@@ -41,8 +41,8 @@ def develop(
 
     ``output``: the name of the picture; where there are several, a folder, which gets a .png of each, or a name with
     ``{}`` in it, which stands for the name of the input without suffix. The automatic exposure is one for all: that of
-    the mean over all of their pixels. Alpha is kept where the format has it. ``max_memory``: bytes that the pixels of
-    one may take. Raises :class:`InputError`.
+    the mean over all of their pixels, as far as alpha covers them. Alpha is kept where the format has it.
+    ``max_memory``: bytes that the pixels of one may take. Raises :class:`InputError`.
     """
     wanted = PictureFileSettings(**settings)
     given = [Path(path) for path in ([inputs] if isinstance(inputs, (str, Path)) else inputs)]
@@ -57,7 +57,7 @@ def develop(
         if exposure is None:
             for path in given:
                 image = _read(path, max_memory, reader)
-                meter.add(image.pixels)
+                add_to(meter, image.pixels, image.alpha)
             exposure = meter.stops
             wanted = replace(wanted, exposure=exposure)
         for path, written in zip(given, outputs, strict=True):

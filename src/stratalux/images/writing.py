@@ -16,7 +16,7 @@ from .colour import REC709, transform, xyz_to_rec709
 from .encoding import encode_file
 from .files import check_bits, check_film, check_output, format_of, is_picture, write_atomically
 from .settings import OutputSettings, PictureFileSettings
-from .tonemap import auto_exposure, filled, view_codes, whole
+from .tonemap import Meter, filled, view_codes, whole
 
 if TYPE_CHECKING:
     from typing import TypeAlias
@@ -78,8 +78,24 @@ def jpeg(pixels: NDArray[np.uint8], quality: int = 85) -> bytes:
 
 
 def automatic_exposure(image: Image) -> float:
-    """The exposure in stops that a picture of ``image`` gets unless told; see :func:`.tonemap.auto_exposure`."""
-    return auto_exposure(_colours_and_alpha(*_channels(image))[0])
+    """The exposure in stops that a picture of ``image`` gets unless told: that of what alpha covers."""
+    meter = Meter()
+    add_to(meter, *_colours_and_alpha(*_channels(image)))
+    return meter.stops
+
+
+def add_to(meter: Meter, colours: NDArray[np.float32], alpha: NDArray[np.float32] | None) -> None:
+    """Meter ``colours`` (H, W, 3) that are multiplied by ``alpha`` (H, W), where there is one: each pixel counts as
+    much as it is covered, as edges that hardly are would be very dark."""
+    if alpha is None:
+        meter.add(colours)
+    else:
+        meter.add(_straight(colours, alpha), np.clip(np.nan_to_num(alpha), 0, 1))
+
+
+def _straight(colours: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.float32]:
+    """``colours`` that are no longer multiplied by ``alpha``; black where that is 0."""
+    return np.asarray(colours / np.where(alpha > 0, alpha, np.inf)[..., None], dtype=np.float32)
 
 
 def _write(path: Path, content: bytes) -> None:
@@ -116,13 +132,15 @@ def _colours_and_alpha(
 def _picture(
     path: Path, colours: NDArray[np.float32], alpha: NDArray[np.float32] | None, output: PictureFileSettings
 ) -> bytes:
+    meter, exposure = Meter(), output.exposure
+    if exposure is None:
+        add_to(meter, colours, alpha)
+        exposure = meter.stops
     alpha = _seen(path, alpha, output.bits)
-    exposure = auto_exposure(colours) if output.exposure is None else output.exposure
     if alpha is not None:
-        covered = alpha > 0
-        if lost := np.count_nonzero((colours[~covered] > 0).any(axis=-1)):
+        if lost := np.count_nonzero((colours[alpha == 0] > 0).any(axis=-1)):
             _warn(f"{path}: light of {lost} pixel(s) without alpha is left out; .exr holds that")
-        colours = np.asarray(filled(colours) / np.where(covered, alpha, np.inf)[..., None], dtype=np.float32)
+        colours = _straight(filled(colours), alpha)
     codes = view_codes(colours, exposure, output.view)
     shown = codes if alpha is None else np.dstack([codes, alpha])
     return encode_file(path.suffix.lower(), whole(shown, output.bits), _NAMES[shown.shape[2]])

@@ -15,6 +15,8 @@ import mitsuba as mi
 
 from ..errors import InputError
 
+SUM = -1
+"""Hint for the loops of sums: Dr.Jit differentiates them backward term by term, and keeps none of them in memory."""
 _TRANSMISSION = {"opacity", "weight", "eta", "specular_transmittance"}
 """Parameters of BSDFs on which the transmission of their ``Null`` lobes depends."""
 

@@ -7,7 +7,8 @@ import mitsuba as mi
 
 from ..maps.median_cut import median_cut
 from ..sampling.region_sampler import DirectionSample, RegionSampler
-from .common import SUM, DirectIntegrator, MisWithBsdf, target
+from .common import DirectIntegrator, MisWithBsdf, target
+from .derivatives import SUM
 from .environment import MapCache, MapLight
 from .straight import Scene, arriving
 from .techniques import Property, Technique, properties_from

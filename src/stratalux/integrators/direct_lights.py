@@ -10,7 +10,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..rigs import RIGS, LightRig, Method, light_rig
-from .common import SUM, DirectIntegrator
+from .common import DirectIntegrator
+from .derivatives import SUM
 from .environment import MapCache, MapLight
 from .straight import Scene, arriving
 from .techniques import Property, Technique, Value, properties_from

@@ -10,7 +10,8 @@ from ..maps.median_cut import median_cut
 from ..sampling.leaf_sampler import RegionLeafSampler
 from .automatic.image import Automatic
 from .automatic.lobes import MOST_RAYS
-from .common import LEAST, SUM, DirectIntegrator, MisWithBsdf, target
+from .common import LEAST, DirectIntegrator, MisWithBsdf, target
+from .derivatives import SUM
 from .environment import MapCache, MapLight
 from .light_samples import FreshLight, SharedLight, launch_seed
 from .straight import Scene, arriving

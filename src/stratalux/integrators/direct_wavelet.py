@@ -19,7 +19,8 @@ from ..sampling.equal_area import (
     warp,
 )
 from ..sampling.region_sampler import DirectionSample
-from .common import SUM, DirectIntegrator, target
+from .common import DirectIntegrator, target
+from .derivatives import SUM
 from .environment import MapCache, MapLight
 from .straight import Scene, arriving
 from .techniques import Property, Technique, properties_from

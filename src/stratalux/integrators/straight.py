@@ -133,14 +133,14 @@ class Obstacles:
     def __init__(self, scene: mi.Scene, masks: bool = True, caught: mi.Bool | None = None) -> None:
         self._scene, self._masks, self.caught = scene, masks, caught
 
-    def visible(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Spectrum | mi.Float:
+    def visible(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Spectrum:
         """V, from 0 to 1, along ``ray``."""
         with dr.suspend_grad():
             if self._masks:
                 return transmittance(self._scene, ray, active)
-            return dr.select(self._scene.ray_test(ray, active), mi.Float(0), 1)
+            return dr.select(self._scene.ray_test(ray, active), mi.Spectrum(0), 1)
 
-    def counted(self, V: mi.Spectrum | mi.Float) -> mi.Spectrum | mi.Float:
+    def counted(self, V: mi.Spectrum) -> mi.Spectrum:
         """What of light is counted that arrives in the share ``V``."""
         return V if self.caught is None else dr.select(self.caught, 1 - V, V)
 

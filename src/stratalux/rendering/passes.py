@@ -75,9 +75,8 @@ class RenderResult:
 
     @property
     def output(self) -> OutputSettings:
-        """How the image is stored: as the settings say, with 32 bits also where the scene's film asks for these."""
-        asked = OutputSettings() if self.picture is None else self.picture.output
-        return replace(asked, float32=asked.float32 or self.float32)
+        """How the image is stored, as the settings say."""
+        return OutputSettings() if self.picture is None else self.picture.output
 
     @property
     def exposure(self) -> float:
@@ -88,9 +87,11 @@ class RenderResult:
     def write(self, path: str | Path, **settings: Any) -> None:
         """Write the image by the suffix of ``path``; see :func:`stratalux.images.writing.write_image`.
 
-        What is not given is as the image's settings have it.
+        What is not given is as the image's settings have it; an OpenEXR file has 32 bits where the film asks for them,
+        too.
         """
-        write_image(path, self.bitmap, self.metadata(), **(self.output.changed() | settings))
+        of_film = {"float32": True} if self.float32 and Path(path).suffix.lower() == ".exr" else {}
+        write_image(path, self.bitmap, self.metadata(), **(self.output.changed() | of_film | settings))
 
 
 @documented(*GROUPS.values(), without=("source",))

@@ -27,15 +27,22 @@ _WORTH_AN_INSTANCE = 50_000
 """Triangles that instances save: below, copies are quicker to trace."""
 
 
-def assembled(path: Path, found: Object, material: str | None = None, max_memory: int | None = None) -> dict[str, Any]:
+def assembled(
+    path: Path,
+    found: Object,
+    material: str | None = None,
+    max_memory: int | None = None,
+    looks_of: type[Looks] = Looks,
+) -> dict[str, Any]:
     """The shapes and lamps of an object for a scene's dictionary; ids begin with "object" for what is no lamp.
 
     `path`: of the file, for messages. `material`: the name of one that replaces all of the file. `max_memory`: bytes
-    that the texels of one image may take. What is not shown is told in one :class:`SceneWarning`.
+    that the texels of one image may take. `looks_of`: what makes the BSDFs. What is not shown is told in one
+    :class:`SceneWarning`.
     """
     parts: dict[str, Any] = {}
     with Bitmaps(path, max_memory) as bitmaps:
-        looks = Looks(bitmaps)
+        looks = looks_of(bitmaps)
         plain = mi.load_dict(material_by_name(material or CLAY))
         for shape in found.shapes:
             look = shape.material if material is None else None

@@ -80,7 +80,7 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
     emitter = None if environment is None else envmap(environment)
     path, size = Path(shown.source), camera.size or USUAL_SIZE
     suffix = path.suffix.lower()
-    hide_emitters, chosen, measure = False, 0, ""
+    hide_emitters, chosen, measure, below = False, 0, "", shown.ground
     if shown.source == "demo":
         staged = _seen(camera, demo_scene(size, emitter=emitter), size)
         if shown.ground is not None:
@@ -97,21 +97,23 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
         chosen = own_camera(camera, scene)
     elif suffix in FORMATS:
         found = load_object(path, shown.up)
-        scene, measure = _of_object(path, found, shown, camera, emitter, max_memory), found.measure()
+        emitter = emitter or _dome(path, found, max_memory)
+        below = below or _usual_ground(emitter)
+        scene, measure = _of_object(path, found, shown, camera, emitter, below, max_memory), found.measure()
     else:
         known = ", ".join((".xml", *sorted(FORMATS)))
         raise InputError(f"{path}: unknown kind of scene; give {known}, or demo")
     _orient(scene, shown.rotate, shown.scale, ENV_FRAMES[shown.env_frame])
-    return Loaded(scene, hide_emitters, chosen, measure, _properties(scene, shown, chosen, max_memory))
+    properties = _properties(scene, shown, chosen, below == "catcher", max_memory)
+    return Loaded(scene, hide_emitters, chosen, measure, properties)
 
 
-def _properties(scene: mi.Scene, shown: SceneSettings, camera: int, max_memory: int | None) -> dict[str, Any]:
+def _properties(
+    scene: mi.Scene, shown: SceneSettings, camera: int, catches: bool, max_memory: int | None
+) -> dict[str, Any]:
     """What the integrator has to be told of the surroundings; nothing where they are as in any scene."""
     found = {} if shown.background == "map" else {"background": background(scene, shown.background, camera, max_memory)}
-    kind = shown.ground or ("matte" if shown.source == "demo" else "catcher")
-    if kind == "catcher" and any(shape.id() == GROUND for shape in scene.shapes()):
-        found["catcher"] = GROUND
-    return found
+    return {**found, "catcher": GROUND} if catches else found
 
 
 def _ground(kind: str, bounds: Any) -> dict[str, Any]:
@@ -132,24 +134,34 @@ def _seen(camera: CameraSettings, staged: dict[str, Any], size: tuple[int, int])
     return {**staged, "sensor": sensor(camera, points, (), size)}
 
 
+def _dome(path: Path, found: Object, max_memory: int | None) -> dict[str, Any] | None:
+    """The map that a file brings itself, or None."""
+    domes = [light for light in found.lights if light.kind == "dome"]
+    return dome_emitter(path, domes[0], max_memory) if domes else None
+
+
+def _usual_ground(emitter: dict[str, Any] | None) -> str:
+    """Shadows are caught where it is known, in RGB, what would be there without them."""
+    return "catcher" if emitter is not None and emitter["type"] == "envmap" and not mi.is_spectral else "matte"
+
+
 def _of_object(
     path: Path,
     found: Object,
     shown: SceneSettings,
     camera: CameraSettings,
     emitter: dict[str, Any] | None,
+    below: str,
     max_memory: int | None,
 ) -> mi.Scene:
     """The scene of a file that is none itself: an object on a ground, in front of a camera, and its own lights."""
-    if emitter is None and (dome := next((light for light in found.lights if light.kind == "dome"), None)):
-        emitter = dome_emitter(path, dome, max_memory)
     size = camera.size or USUAL_SIZE
     scene = mi.load_dict(
         {
             "type": "scene",
             "sensor": _with_alpha(sensor(camera, found.points(), found.cameras, size, origin=found.origin)),
             **assembled(path, found, shown.material, max_memory),
-            **_ground(shown.ground or "catcher", found.bounds),
+            **_ground(below, found.bounds),
             **({} if emitter is None else {"emitter": emitter}),
         }
     )

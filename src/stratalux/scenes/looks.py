@@ -1,4 +1,4 @@
-"""From the materials of a model to BSDFs and emitters of Mitsuba: its `principled`, under a normal map and a mask.
+"""From the materials of a model to BSDFs and emitters of Mitsuba: `principled`, under a normal map and a mask.
 
 What `principled` has no term for is told in one line for the file. Sources: Khronos Group, "glTF 2.0 Specification",
 section 3.9 and appendix B, and its extensions KHR_materials_*; Burley, "Physically Based Shading at Disney" (2012).
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..images.colour import LUMINANCE
 from .bitmaps import Bitmaps
+from .lambert import lambertian
 from .model import Material, Texture, Value
 from .textures import at_least, product
 
@@ -71,15 +72,15 @@ class Looks:
 
     def _bsdf(self, material: Material, sets: Sets, colours: bool, mirrored: bool) -> Any:
         if material.unlit:
-            bsdf: dict[str, Any] = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
+            bsdf: Any = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
         else:
-            bsdf = self._surface(material, sets, colours)
-            bsdf = self._bent(material, sets, mirrored, bsdf)
+            made = self._surface(material, sets, colours)
+            bsdf = self._bent(material, sets, mirrored, lambertian(made) if made["type"] == "principled" else made)
         if material.unlit or not _lets_through(material):
             bsdf = {"type": "twosided", "bsdf": bsdf}
         return self._covered(material, sets, colours, bsdf)
 
-    def _covered(self, material: Material, sets: Sets, colours: bool, bsdf: dict[str, Any]) -> dict[str, Any]:
+    def _covered(self, material: Material, sets: Sets, colours: bool, bsdf: Any) -> Any:
         """Under a mask, where the material has holes."""
         if material.alpha_mode == "opaque":
             return bsdf
@@ -94,7 +95,7 @@ class Looks:
             opacity = at_least(opacity, material.alpha_cutoff)
         return {"type": "mask", "opacity": opacity, "bsdf": bsdf}
 
-    def _bent(self, material: Material, sets: Sets, mirrored: bool, bsdf: dict[str, Any]) -> dict[str, Any]:
+    def _bent(self, material: Material, sets: Sets, mirrored: bool, bsdf: Any) -> Any:
         """With the normals or the bumps that the material has."""
         if material.clearcoat_normal is not None:
             self.left_out.add("normal maps of coats")
@@ -201,7 +202,7 @@ class Looks:
         return {
             "type": "blendbsdf",
             "weight": transmission,
-            "first": {"type": "twosided", "bsdf": bsdf},
+            "first": {"type": "twosided", "bsdf": lambertian(bsdf)},
             "second": clear,
         }
 

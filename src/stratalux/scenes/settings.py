@@ -278,7 +278,7 @@ class SceneSettings(Settings):
         "What an object stands on: none, catcher (what is behind, in its shadow), matte, or mirror.",
         "--ground",
         kind=GROUND,
-        default_text="catcher; of the demo, matte",
+        default_text="catcher; matte for the demo, and without a map",
     )
     up: str | None = option(
         None, "Axis of a mesh file that is up.", "--up", choices=UP_AXES, default_text="y, but z for .stl"

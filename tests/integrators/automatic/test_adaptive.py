@@ -123,3 +123,56 @@ def test_a_picture_upside_down_is_treated_alike() -> None:
     )
     np.testing.assert_allclose(turned[::-1, ::-1], share, rtol=1e-4, atol=1e-5)
     assert share.std() > 0.01
+
+
+@pytest.mark.parametrize("parts", [1, 4])
+@pytest.mark.parametrize("footprint", [0, 1])
+@pytest.mark.parametrize("marked", [False, True])
+@pytest.mark.parametrize("dim", [0.0, 0.3])
+def test_needs_level_and_share_are_those_of_sums_one_by_one(
+    parts: int, footprint: int, marked: bool, dim: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once more in NumPy: a variance beside that of the mean, relative to its square, to the power 1 / 3."""
+    images, difference = (pilot(9, 7, seed, parts).astype(np.float64) - less for seed, less in ((3, 99), (4, 100)))
+    marks = np.random.default_rng(5).random((2, 9, 7)) if marked else np.empty((0, 9, 7))
+    seen: list[NDArray[Any]] = []
+    counts = "stratalux.integrators.automatic.adaptive._counts"
+    monkeypatch.setattr(counts, lambda steps, *more: seen.append((steps, more)) or np.ones_like(steps))
+    found = plan_samples(
+        *(mi.TensorXf(np.ascontiguousarray(x.transpose(3, 0, 1, 2)).astype(np.float32)) for x in (images, difference)),
+        dim, 16, 2, footprint, [mi.Float(mark.ravel().astype(np.float32)) for mark in marks],
+    )  # fmt: skip
+    steps, more = seen[0]
+    outer = 2 + footprint
+    assert more == (16, 2, outer + footprint)
+
+    mean = images.mean(axis=(0, 3))
+    e, v = (x - x.mean(axis=0) if parts > 1 else x for x in (images, difference))
+    products = [(a * b).sum(axis=(0, 3)) for a, b in ((e, e), (e, v), (v, v))]
+    for y in range(9):
+        for x in range(7):
+            weights = np.zeros((9, 7))
+            for j in range(9):
+                for i in range(7):
+                    d = max(abs(j - y), abs(i - x))
+                    inner = (2 * footprint + 1) ** 2
+                    if footprint < d <= outer:
+                        weights[j, i] = 0.5 / ((2 * outer + 1) ** 2 - inner)
+                        weights[j, i] += 0.5 / ((2 * footprint + 3) ** 2 - inner) * (d == footprint + 1)
+                    if marked:
+                        apart = ((marks[:, j, i] - marks[:, y, x]) ** 2).sum() / 0.05
+                        weights[j, i] *= 0.01 + 1 / (1 + apart**2)
+            weights /= weights.sum()
+            around = (weights * mean).sum()
+            variance, covariance, squares = ((weights * p).sum() for p in products)
+            if parts == 1:
+                a, b = ((weights[..., None] * z[0]).sum(axis=(0, 1)) for z in (images, difference))
+                variance, covariance, squares = variance - a @ a, covariance - a @ b, squares - b @ b
+            share = np.clip(-covariance / squares, 0, 1)
+            spread = variance + share * (2 * covariance + share * squares)
+            near = mean[max(0, y - 2) : y + 3, max(0, x - 2) : x + 3]
+            assert found.level[y * 7 + x] == pytest.approx(near.mean(), rel=1e-4)
+            expected = share * min(1, around**2 / (3 * spread))
+            assert found.share[y * 7 + x] == pytest.approx(expected, rel=1e-2, abs=1e-3)
+            need = 64 * np.log2(spread / (around**2 + dim**2)) / 3
+            assert abs(steps[y, x] - need) < 1

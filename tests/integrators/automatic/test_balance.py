@@ -21,8 +21,9 @@ BSDFS: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.parametrize("rays", [None, (3, 1, 2)], ids=["its own", "a single one for lobes"])
 @pytest.mark.parametrize("name", BSDFS)
-def test_parts_add_up(name: str) -> None:
+def test_parts_add_up(name: str, rays: tuple[int, int, int] | None) -> None:
     from stratalux.integrators.automatic.balance import Balance  # of the active variant
     from stratalux.integrators.automatic.lobes import _surface
     from stratalux.integrators.common import draw, only, target
@@ -39,6 +40,8 @@ def test_parts_add_up(name: str) -> None:
     sampler.seed(0, LANES)
     si = _surface(sampler)
     shares = light.allocation.of(bsdf, mi.UInt32(0), mi.Bool(True))
+    if rays is not None and name != "diffuse":
+        shares = *map(mi.UInt32, rays), shares[3]
     balance = Balance(light.allocation, light, si, bsdf, shares, mi.Bool(True))
 
     smooth, glossy = only(mi.BSDFFlags.Smooth), only(mi.BSDFFlags.Glossy)

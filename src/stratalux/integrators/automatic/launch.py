@@ -11,9 +11,9 @@ import mitsuba as mi
 
 from ...sampling.points import mix, sobol_2d
 from ...sampling.recording import recorded
-from ..common import OtherEmitters
 from ..derivatives import parameters
 from ..light_samples import SharedLight
+from ..other_emitters import OtherEmitters
 from ..sight import Sight
 from .look import Look, look, shape_numbers
 from .nested_strata import PixelPoints

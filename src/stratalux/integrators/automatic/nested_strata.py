@@ -9,7 +9,8 @@ import mitsuba as mi
 
 from ...sampling.leaf_sampler import LeafSampler
 from ...sampling.points import mix, shuffle, sobol_2d, unit_float, van_der_corput
-from ..common import SUM, draw, only, target
+from ..common import draw, only, target
+from ..derivatives import SUM
 from ..environment import MapLight
 from ..light_samples import FreshLight, SharedLight, launch_seed
 from ..straight import Obstacles, Scene, arriving

@@ -1,0 +1,134 @@
+"""How a budget is divided into launches, and what becomes of their sums."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from tests.helpers import scene_dict
+
+
+def test_a_pilot_is_a_power_of_two_of_a_small_part() -> None:
+    from stratalux.integrators.automatic.image import _pilot  # of the active variant
+
+    expected = {1: 1, 2: 1, 8: 1, 15: 1, 16: 2, 31: 2, 32: 4, 64: 8, 100: 8, 1024: 128}
+    assert {spp: _pilot(spp) for spp in expected} == expected
+
+
+def view(width: int, height: int) -> Any:
+    from stratalux.integrators.automatic.image import _View
+
+    film = mi.load_dict({"type": "hdrfilm", "width": width, "height": height})
+    sensor = SimpleNamespace(film=lambda: film)
+    return _View(SimpleNamespace(sensor=sensor), None)
+
+
+@pytest.mark.parametrize(("room", "launches"), [(6_100, 1), (5_000, 5), (500, 16)])
+def test_launches_go_over_all_samples_once(room: int, launches: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each over the whole image; where there are several, the first is small, and none is larger than there is room."""
+    monkeypatch.setattr("stratalux.integrators.automatic.image.LAUNCH", room)
+    counts = np.random.default_rng(1).integers(0, 21, 600).astype(np.int64)
+    total = int(counts.sum())
+    assert 5_000 < total <= 6_100
+    before = np.zeros(600, dtype=np.int64)
+    sizes = []
+    for start, end in view(30, 20).launches(counts):
+        np.testing.assert_array_equal(start, before)
+        assert (end >= start).all() and (end <= counts).all()
+        sizes.append(int((end - start).sum()))
+        # Every pixel has the same part of its samples, but for one of them.
+        assert np.abs(end - counts * (end.sum() / total)).max() <= 1
+        before = end
+    np.testing.assert_array_equal(before, counts)
+    assert len(sizes) == launches and max(sizes) <= 1.1 * room
+    if launches > 1:
+        assert np.abs(np.array(sizes[:3]) - np.array([1, 1, 2]) * room / 8).max() < 20
+    assert list(view(30, 20).launches(np.zeros(600, dtype=np.int64))) == []
+
+
+def test_samples_are_numbered_within_their_pixels() -> None:
+    asked: list[Any] = []
+
+    def samples(launch: Any) -> tuple[Any, ...]:
+        asked.append(launch)
+        return mi.Spectrum(0), mi.Spectrum(0), mi.Bool(True), mi.Point2f(0)
+
+    some = view(3, 2)
+    some.launcher.samples = samples
+    first, number = np.array([5, 0, 1, 0, 7, 2]), np.array([2, 0, 1, 3, 0, 1])
+    lanes = some.samples(first, number, mi.UInt32(1), mi.Float([10, 11, 12, 13, 14, 15]), None)
+    assert lanes.pixel.numpy().tolist() == [0, 0, 2, 3, 3, 3, 5]
+    assert lanes.index.numpy().tolist() == [5, 6, 1, 0, 1, 2, 2]
+    (launch,) = asked
+    assert launch.expected.numpy().tolist() == [10, 10, 12, 13, 13, 13, 15] and launch.detailed is None
+    some.samples(first, number, mi.UInt32(1), mi.Float(3), None)
+    assert asked[1].expected.numpy().tolist() == [3]
+
+
+def test_later_samples_are_weighted_by_their_number() -> None:
+    from stratalux.integrators.automatic.image import _combined, _image
+
+    pilot = np.full((1, 3, 4), 1.0, dtype=np.float32)
+    later = np.full((1, 3, 4), 5.0, dtype=np.float32)
+    later[..., -1] = [1, 1, 0]  # the last pixel has none
+    counts = np.array([[2, 6, 9]])
+    np.testing.assert_allclose(_combined(pilot, later, 2, counts)[..., 0], [[3, 4, 1]])
+    block = SimpleNamespace(tensor=lambda: mi.TensorXf([6.0, 3.0, 2.0, 0.0], (1, 2, 2)))
+    np.testing.assert_array_equal(_image(block), [[[2, 1], [0, 0]]])
+
+
+@pytest.mark.parametrize("rfilter", ["box", "gaussian"])
+@pytest.mark.parametrize("crop", [{}, {"crop_width": 3, "crop_height": 2, "crop_offset_x": 2, "crop_offset_y": 1}])
+def test_samples_are_put_where_they_are(rfilter: str, crop: dict[str, int]) -> None:
+    film = mi.load_dict({"type": "hdrfilm", "width": 6, "height": 4, "rfilter": {"type": rfilter}, **crop})
+    film.prepare([])
+    some = view(6, 4)
+    some.film = film
+    some.width, some.height = (int(side) for side in film.crop_size())
+    block = film.create_block()
+    pixel = mi.UInt32([0, some.width + 1])
+    place = mi.Point2f([0.5, 1.5], [0.5, 1.5])
+    lanes = SimpleNamespace(pixel=pixel, place=mi.Point2f(place))
+    some.put(block, lanes, mi.Spectrum(mi.Float([1, 3])), mi.Bool([True, False]), mi.Float([2, 0.5]))
+    image = block.tensor().numpy()
+    border = (image.shape[0] - some.height) // 2
+    weight = image[border : border + 2, border : border + 2, -1]
+    if rfilter == "box":
+        np.testing.assert_allclose(image[border, border], [2, 2, 2, 2, 2][: image.shape[2]])
+        np.testing.assert_allclose(weight, [[2, 0], [0, 0.5]])
+        assert image[..., 0].sum() == pytest.approx(3.5) and image[..., -1].sum() == pytest.approx(2.5)
+    else:
+        assert weight[0, 0] == image[..., -1].max() and weight[1, 1] > 0
+    np.testing.assert_allclose(place.numpy(), [[0.5, 1.5], [0.5, 1.5]])
+
+
+@pytest.mark.parametrize(
+    ("change", "adapts"),
+    [
+        ({}, True),
+        ({"sensor": {"type": "radiancemeter"}}, False),
+        ({"sensor": {"type": "orthographic"}}, True),
+        ({"sample_border": True}, False),
+        ({"variant": "llvm_ad_spectral"}, False),
+        ({"variant": "llvm_ad_mono"}, True),
+        ({"sky": {"type": "constant"}}, False),
+    ],
+)
+def test_what_it_adapts_to(change: dict[str, Any], adapts: bool) -> None:
+    mi.set_variant(change.pop("variant", "llvm_ad_rgb"))
+    description = scene_dict()
+    if "sample_border" in change:
+        description["sensor"]["film"]["sample_border"] = True
+    elif "sensor" in change:
+        film = description["sensor"]["film"]
+        if change["sensor"]["type"] == "radiancemeter":
+            film.update(width=1, height=1)
+        description["sensor"] = {**change["sensor"], "film": film}
+    else:
+        description |= change
+    scene = mi.load_dict(description)
+    assert mi.load_dict({"type": "direct_stratified"}).adapts_to(scene, scene.sensors()[0]) == adapts
