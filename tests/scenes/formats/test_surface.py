@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stratalux.errors import SceneWarning
 from stratalux.scenes.formats import surface
 from stratalux.scenes.formats.surface import Table, merged, of_faces, parts_of_polygons
 from stratalux.scenes.model import NONE, Material
@@ -118,3 +119,15 @@ def test_values_that_only_look_equal_stay_apart(monkeypatch: pytest.MonkeyPatch)
     values = np.arange(6.0).reshape(3, 2)
     found = merged(values)
     np.testing.assert_array_equal(found.values[found.corners], values)
+
+
+def test_values_that_are_not_finite_are_replaced() -> None:
+    corners, sizes = np.arange(3), np.array([3])
+    colours = np.array([[0, np.nan, 0, 1], [0, 0, 0, 1], [0, 0, np.inf, 1]])
+    with pytest.warns(SceneWarning, match="mesh: colours that are not finite are replaced"):
+        (part,) = parts_of_polygons(PATH, np.eye(3), corners, sizes, colours=Table(colours))
+    assert part.colours is not None and part.colours.tolist() == [[0, 1, 0, 1], [0, 0, 0, 1], [0, 0, 1, 1]]
+    uvs = {1: Table(np.array([[np.nan, 1], [2, 3], [4, 5]]))}
+    with pytest.warns(SceneWarning, match="mesh: coordinates of textures that are not finite are replaced"):
+        (part,) = parts_of_polygons(PATH, np.eye(3), corners, sizes, uvs=uvs)
+    assert part.uvs[1].tolist() == [[0, 1], [2, 3], [4, 5]]

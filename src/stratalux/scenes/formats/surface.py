@@ -73,8 +73,9 @@ def parts_of_polygons(
     `corners` (C,): for each corner of each polygon its vertex, polygon after polygon; `sizes` (P,): how many corners
     each has; `normals` (N, 3), `uvs` (N, 2) and `colours` (N, 4): as in :class:`Part`; `first`: the number that the
     file has for its first vertex; `chosen` (P,): the index of the material of each polygon, by default the first.
-    Where a corner has no normal it is NaN, without coordinates these are 0, and without a colour it is white. What has
-    colours and no material is matte. Raises InputError where a corner points outside of the vertices.
+    Where a corner has no normal it is NaN, without coordinates these are 0, and without a colour it is white, as where
+    the file's own are not finite, which is a warning. What has colours and no material is matte. Raises InputError
+    where a corner points outside of the vertices.
     """
     if len(corners) and (corners.min() < 0 or corners.max() >= len(vertices)):
         wrong = corners[(corners < 0) | (corners >= len(vertices))][0]
@@ -93,6 +94,11 @@ def parts_of_polygons(
         )
     tables = {("normals", 0): normals, ("colours", 0): colours} | {("uvs", n): uv for n, uv in (uvs or {}).items()}
     blank = {"normals": np.nan, "colours": 1.0, "uvs": 0.0}
+    for key, table in tables.items():
+        if table is not None and key[0] != "normals" and not (usable := np.isfinite(table.values)).all():
+            what = "colours" if key[0] == "colours" else "coordinates of textures"
+            warnings.warn(f"{path}: {what} that are not finite are replaced", SceneWarning, stacklevel=2)
+            tables[key] = Table(np.where(usable, table.values, blank[key[0]]), table.corners)
     known = [
         (key, *found, blank[key[0]])
         for key, table in tables.items()
