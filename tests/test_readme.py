@@ -20,6 +20,7 @@ import pytest
 import stratalux.cli.assets  # noqa: F401  (knows the names of the real registry)
 from stratalux.assets import ASSETS, Asset, AssetFile
 from tests.helpers import hall_map, run
+from tests.scenes.formats.gltf_files import Gltf
 
 README = Path(__file__).parents[1] / "README.md"
 MESH = "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nv 0 1.5 0\nf 1 2 3\nf 1 4 2\nf 2 4 3\nf 3 4 1\n"
@@ -48,8 +49,14 @@ def network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     mi.Bitmap(hall_map(32, 64)).write(str(content / "x/map.hdr"))
     (content / "x/mesh.obj").write_text(MESH)
     (content / "x/scene.xml").write_text(SCENE)
+    file = Gltf()
+    corners = [[-1, 0, -1], [1, 0, -1], [0, 0, 1], [0, 1.5, 0]]
+    triangles = np.array([0, 1, 2, 0, 3, 1, 1, 3, 2, 2, 3, 0], dtype=np.uint16)
+    file.add("materials", pbrMetallicRoughness={"baseColorFactor": [0.2, 0.4, 0.8, 1]})
+    file.add("scenes", nodes=[file.show(file.primitive(corners, triangles, material=0))])
+    (content / "x/model.glb").write_bytes(file.write(tmp_path / "model.glb").read_bytes())
     (content / "x/rest").write_bytes(b"unused")
-    kinds = {".exr": "map.exr", ".hdr": "map.hdr", ".obj": "mesh.obj", ".xml": "scene.xml"}
+    kinds = {".exr": "map.exr", ".hdr": "map.hdr", ".obj": "mesh.obj", ".xml": "scene.xml", ".glb": "model.glb"}
 
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(content / "x"))) as http:
         threading.Thread(target=http.serve_forever, daemon=True).start()
@@ -94,7 +101,15 @@ def test_the_three_ways_to_use_it(network: None, monkeypatch: pytest.MonkeyPatch
             continue
         for command in commands(text):
             assert run(monkeypatch, *command) == 0, command
-    for written in ("buddha.exr", "buddha.png", "preview.exr", "regions.png", "regions.json"):
+    for written in (
+        "truck.png",
+        "buddha.exr",
+        "buddha.jpg",
+        "buddha.png",
+        "preview.exr",
+        "regions.png",
+        "regions.json",
+    ):
         assert Path(written).stat().st_size > 0
     assert np.isfinite(np.array(said["image"])).all() and said["lights"].flux.shape == (64, 3)
 

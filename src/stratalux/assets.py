@@ -83,6 +83,7 @@ _MITSUBA = f"{_RAW}/mitsuba-renderer/mitsuba-data/01100fa9b0b154492061a92404f26d
 _MODELS = f"{_RAW}/alecjacobson/common-3d-test-models/8a4f8642acaf43f9cd7b67858a1502e1055ef202/data"
 _PMNDRS = f"{_RAW}/pmndrs/assets/d8709a9b11247dc51b72bb32fade56048807d868/src/hdri"
 _PHOTON = f"{_RAW}/nwtnni/photon/60c15cca7509a8b43a8ab9aa4cb444c29775ad78/models"
+_TRIMESH = f"{_RAW}/mikedh/trimesh/a513c0e2cfa6dfbd3121a6dfd8ceb002b9ef55d8/models"
 _POLY_HAVEN = f"{_RAW}/pmndrs/drei-assets/456060a26bbeb8fdf79326f224b6d99b8bcce736/hdri"
 """A copy: no snapshot of what Poly Haven's own server sends could be compared with."""
 
@@ -207,6 +208,21 @@ _REGISTRY = (
                 "1b5396fedd74b577e32cef41146582c2f2e1a050d5b4915193c0ac1ad4187ed4",
                 210_614,
                 f"{_MODELS}/teapot.obj",
+            ),
+        ),
+    ),
+    Asset(
+        name="truck",
+        what="a milk truck, in glTF with its textures",
+        owner="Cesium",
+        terms="CC-BY 4.0, the logo is a trademark of Cesium",
+        source="https://github.com/KhronosGroup/glTF-Sample-Assets/tree/main/Models/CesiumMilkTruck",
+        files=(
+            AssetFile(
+                "models/CesiumMilkTruck.glb",
+                "2f17d0f4f48f23cf9d6c8d117e8f5a9ab3e2374dfd8b2e207506438c2c0b0b84",
+                542_144,
+                f"{_TRIMESH}/CesiumMilkTruck.glb",
             ),
         ),
     ),

@@ -49,9 +49,9 @@ def render(
     quiet: bool,
     verbose: bool,
 ) -> None:
-    """Render SCENE: a Mitsuba XML file, a mesh (.ply .obj .stl .glb .gltf .off), or demo.
+    """Render SCENE: a Mitsuba XML file, a model (.glb .gltf .usd .usdz .obj .ply .stl .off), or demo.
 
-    A mesh is framed on a ground plane. The integrator of an XML file is replaced by direct_stratified: direct light, of
+    A model looks as its file says, and stands in its shadow on what is behind it. The integrator of an XML file is replaced by direct_stratified: direct light, of
     which the samples per pixel are all there is to choose. Ctrl-C stops after the current pass and keeps what is done.
 
     \b
@@ -59,6 +59,7 @@ def render(
       stratalux render demo -o demo.exr -o demo.png
       stratalux render teapot.obj --env grace.exr --env-rotate flip --size 600x400 -o teapot.png
       stratalux render teapot.obj --env grace.exr --orbit 120,30 --fov 50 -o side.png
+      stratalux render truck.glb --env studio.hdr --orbit 60,20 --background blur:5 -o truck.jpg
       stratalux render part.stl --up z --env studio.hdr --material metal --strata 32 --proposals 8
       stratalux render demo --technique importance:samples=32,proposals=128 -o importance.png
       stratalux render matpreview.xml -D spp=64 --env forest.hdr --env-rotate 90 -o preview.exr
