@@ -308,5 +308,10 @@ def test_what_is_not_given_is_as_mitsuba_has_it(properties: dict[str, int]) -> N
     image = np.array(integrator.render(scene))
     same = np.array(mi.render(scene, integrator=integrator, sensor=0, seed=0, spp=4))
     np.testing.assert_allclose(image, same, rtol=1e-4, atol=1e-6)
+    if not properties:
+        found, asked = ([spp for _, spp in passes] for passes in (
+            integrator.passes(scene, scene.sensors()[0]), integrator.passes(scene, scene.sensors()[0], 0, 4)
+        ))  # fmt: skip
+        assert found == asked and found[-1] == pytest.approx(4, abs=1)
     for change in ({"seed": 1}, {"sensor": 1}, {"spp": 8}):
         assert np.abs(np.array(integrator.render(scene, **change)) - same).max() > 1e-4

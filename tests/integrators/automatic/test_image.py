@@ -82,6 +82,38 @@ def test_later_samples_are_weighted_by_their_number() -> None:
 
 
 @pytest.mark.parametrize("rfilter", ["box", "gaussian"])
+def test_parts_of_a_pilot_are_means_of_their_samples(rfilter: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from stratalux.integrators.automatic.image import _Pilot
+
+    def samples(launch: Any) -> tuple[Any, ...]:
+        value = mi.Float(launch.pixel) + 10 * mi.Float(launch.index)
+        place = mi.Point2f(mi.Float(launch.pixel % 3) + 0.5, mi.Float(launch.pixel // 3) + 0.5)
+        return mi.Color3f(value, 2 * value, 3 * value), mi.Color3f(-value), mi.Bool(True), place
+
+    film = mi.load_dict({"type": "hdrfilm", "width": 3, "height": 2, "rfilter": {"type": rfilter}})
+    film.prepare([])
+    some = view(3, 2)
+    some.film, some.launcher.samples = film, samples
+    seen: list[Any] = []
+    plan = "stratalux.integrators.automatic.image.plan_samples"
+    monkeypatch.setattr(plan, lambda *arguments: seen.append(arguments))
+    pilot = _Pilot(some, 8, 4, None)
+    assert list(pilot.passes(mi.UInt32(0), 0.5)) == [8]
+    pilot.plan(0.5, 16)
+    (values, difference, dim, budget, least, footprint, marks), pixel = seen[0], np.arange(6).reshape(2, 3)
+    assert (dim, marks) == (0.5, ())
+    # With a filter, each sample counts in several pixels, and each of these needs later ones.
+    assert (budget, least, footprint) == ((16, 8, 0) if rfilter == "box" else (16, 16, 2))
+    expected = pixel + 10 * (2 * np.arange(4)[:, None, None] + 0.5)  # two samples in each part
+    np.testing.assert_allclose(values.numpy(), [c * expected for c in (1, 2, 3)], rtol=1e-6)
+    np.testing.assert_allclose(difference.numpy(), [-expected] * 3, rtol=1e-6)
+    if rfilter == "box":
+        image = pilot.image(np.full((2, 3), 0.5, dtype=np.float32))
+        np.testing.assert_allclose(image[..., 0], 0.5 * expected.mean(axis=0), rtol=1e-5)
+        np.testing.assert_allclose(image[..., -1], 1, rtol=1e-5)
+
+
+@pytest.mark.parametrize("rfilter", ["box", "gaussian"])
 @pytest.mark.parametrize("crop", [{}, {"crop_width": 3, "crop_height": 2, "crop_offset_x": 2, "crop_offset_y": 1}])
 def test_samples_are_put_where_they_are(rfilter: str, crop: dict[str, int]) -> None:
     film = mi.load_dict({"type": "hdrfilm", "width": 6, "height": 4, "rfilter": {"type": rfilter}, **crop})
@@ -132,3 +164,14 @@ def test_what_it_adapts_to(change: dict[str, Any], adapts: bool) -> None:
         description |= change
     scene = mi.load_dict(description)
     assert mi.load_dict({"type": "direct_stratified"}).adapts_to(scene, scene.sensors()[0]) == adapts
+
+
+def test_what_is_dim_is_so_beside_the_map_as_it_shines(launches: list[Any]) -> None:
+    from stratalux.integrators.automatic.lobes import DIM
+
+    texels = np.full((8, 16, 3), 0.8, dtype=np.float32)
+    scene = mi.load_dict(scene_dict("diffuse", texels))  # at half of its brightness
+    mi.render(scene, integrator=mi.load_dict({"type": "direct_stratified"}), spp=32)
+    pilot, *later = launches
+    assert pilot.expected.numpy() == pytest.approx(DIM * 0.8 * 0.5, rel=1e-4)
+    assert later and min(launch.expected.numpy().min() for launch in later) >= DIM * 0.8 * 0.5 * 0.999
