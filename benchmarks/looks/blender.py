@@ -24,7 +24,6 @@ from mathutils import Matrix
 
 MATTE = 0.5
 """Reflectance of what the file says nothing of: our clay."""
-_FLAT_SPP = 64
 
 
 def main(job: dict[str, Any]) -> None:
@@ -48,7 +47,7 @@ def main(job: dict[str, Any]) -> None:
     for name, paint in (("base", base), ("normals", normal)):
         for material in keep:
             shown(material, originals[material.name], paint)
-        pixels = render(scene, output, _FLAT_SPP)
+        pixels = render(scene, output, job["spp"])
         found[name] = pixels[..., :3]
         found["coverage"] = pixels[..., 3]
     np.savez(output, version=bpy.app.version_string, **found)
