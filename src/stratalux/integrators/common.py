@@ -225,12 +225,12 @@ class DirectIntegrator(mi.SamplingIntegrator):
 
             def transmission(si: mi.SurfaceInteraction3f, T: mi.Spectrum) -> mi.Spectrum:
                 T = sight.catcher.transmission(si, ray.d, T) if sight.catcher is not None else T
-                return dr.select(_emits(si), 1, T) if self.hide_emitters else T
+                return dr.select(emits(si), 1, T) if self.hide_emitters else T
 
             return first_surface(scene, ray, sampler.next_1d(active), transmission, not self.hide_emitters, active)
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
         if self.hide_emitters:
-            hidden = active & si.is_valid() & _emits(si)
+            hidden = active & si.is_valid() & emits(si)
             behind = self.skip_area_emitters(scene, si.spawn_ray(ray.d), True, hidden)
             si = dr.select(hidden, behind.compute_surface_interaction(ray, mi.RayFlags.All, hidden), si)
         return Arrival(si)
@@ -361,10 +361,10 @@ class OtherEmitters:
             return dr.select(active, weight * self._found_straight(scene, si, ray, bs.pdf, delta, active), 0)
         with dr.suspend_grad():
             hit = scene.ray_intersect(ray, active)
-        value, mis, active = self._found(scene, si, hit, bs.pdf, delta, active)
+        value, mis, active = self.found(scene, si, hit, bs.pdf, delta, active)
         return dr.select(active, weight * value * mis, 0)
 
-    def _found(
+    def found(
         self,
         scene: mi.Scene,
         si: mi.SurfaceInteraction3f,
@@ -403,7 +403,7 @@ class OtherEmitters:
         while dr.hint(going, max_iterations=SUM):
             with dr.suspend_grad():
                 hit = scene.ray_intersect(ray, going)
-            value, mis, lit = self._found(scene, si, hit, bsdf_pdf, delta, going)
+            value, mis, lit = self.found(scene, si, hit, bsdf_pdf, delta, going)
             L += dr.select(lit, V * value * mis, 0)
             layers += 1
             with dr.suspend_grad():
@@ -457,7 +457,7 @@ def by_identity(pointers: Any, values: mi.UInt32, default: int, another: tuple[A
     return table
 
 
-def _emits(si: mi.SurfaceInteraction3f) -> mi.Bool:
+def emits(si: mi.SurfaceInteraction3f) -> mi.Bool:
     return si.shape.emitter() != None  # noqa: E711
 
 
