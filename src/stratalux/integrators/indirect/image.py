@@ -38,19 +38,19 @@ class Indirect:
     def radiance(
         self,
         scene: mi.Scene,
-        light: AllocatedLight | None,
+        prepared: AllocatedLight | None,
         others: OtherEmitters,
         sight: Sight,
-        points: PixelPoints,
+        sampler: PixelPoints,
         ray: mi.Ray3f,
         active: mi.Bool | bool,
     ) -> tuple[mi.Spectrum, mi.Bool]:
         """Radiance along ``ray`` after two scatterings or more; of alpha it knows nothing."""
         samples = None
-        if light is not None:
-            samples = points.samples or FreshLight(light, points.seed)
-        arriving = VertexLight(scene, sight.obstacles or scene, others, light, samples)
-        L = self._paths.radiance(scene, arriving, sight, points.index, points.seed, ray, mi.Bool(active))
+        if prepared is not None:
+            samples = sampler.samples or FreshLight(prepared, sampler.seed)
+        arriving = VertexLight(scene, sight.obstacles or scene, others, prepared, samples)
+        L = self._paths.radiance(scene, arriving, sight, sampler.index, sampler.seed, ray, mi.Bool(active))
         return L, mi.Bool(False)
 
 

@@ -58,7 +58,8 @@ class VertexLight:
     def _of_map(
         self, points: PixelPoints, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool
     ) -> mi.Spectrum:
-        light, ctx = self._light, mi.BSDFContext()
+        light, samples, ctx = self._light, self._samples, mi.BSDFContext()
+        assert light is not None and samples is not None
         M = dr.opaque(mi.UInt32, PROPOSALS)
         seed = points.next_seed()
         first = shuffle(points.index, seed) * M
@@ -67,7 +68,7 @@ class VertexLight:
         while active & (j < M):
             point = first + j
             where = van_der_corput(point, mix(seed))  # in units of 2⁻³² along the leaves
-            d, luminance, L_p = self._samples.draw(where >> (32 - light.tables.depth), where, si, active)
+            d, luminance, L_p = samples.draw(where >> (32 - light.tables.depth), where, si, active)
             f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
             p = self._density(luminance)
             kept.offer(d, L_p * f * (dr.select(p > 0, p / (p + pdf), 0) / PROPOSALS), mix(seed ^ ~point))
