@@ -1,4 +1,4 @@
-"""The same of ours: what files look like under a map, without a ground, and the base colours and normals that are shaded.
+"""The same of ours: files under a map, without a ground, and the base colours and normals that are shaded.
 
 Passes are means over a box of one pixel, as Cycles' are.
 """

@@ -51,8 +51,9 @@ def render(
 ) -> None:
     """Render SCENE: a Mitsuba XML file, a model (.glb .gltf .usd .usdz .obj .ply .stl .off), or demo.
 
-    A model looks as its file says, and stands in its shadow on what is behind it. The integrator of an XML file is replaced by direct_stratified: direct light, of
-    which the samples per pixel are all there is to choose. Ctrl-C stops after the current pass and keeps what is done.
+    A model looks as its file says, and stands in its shadow on what is behind it. The integrator of an XML file is
+    replaced by direct_stratified: direct light, of which the samples per pixel are all there is to choose. Ctrl-C stops
+    after the current pass and keeps what is done.
 
     \b
     Examples:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -17,7 +17,7 @@ from ..other_emitters import OtherEmitters
 from ..sight import Sight
 from .look import Look, look, shape_numbers
 from .nested_strata import PixelPoints
-from .sample import AllocatedLight, AutomaticSample
+from .sample import AllocatedLight
 from .visibility import Visibility
 
 _RECORDINGS = 8
@@ -46,6 +46,27 @@ class Launch:
     learned: mi.Float | None
 
 
+class Estimator(Protocol):
+    """What is launched: the part of an integrator of ours that knows of no film."""
+
+    hide_emitters: bool
+
+    def sight(self, scene: mi.Scene, prepared: Any, sensor: mi.Sensor | None) -> Sight:
+        """What rays see of ``scene``."""
+
+    def radiance(
+        self,
+        scene: mi.Scene,
+        prepared: Any,
+        others: OtherEmitters,
+        sight: Sight,
+        sampler: PixelPoints,
+        ray: mi.RayDifferential3f,
+        active: mi.Bool | bool,
+    ) -> tuple[mi.Spectrum, mi.Bool | mi.Float]:
+        """Radiance along ``ray``, and its alpha."""
+
+
 class Launcher:
     """Takes camera samples of a ``sensor``. Python traces a kernel in 5 to 10 ms, as long as small images render.
 
@@ -53,7 +74,7 @@ class Launcher:
     compared at the beginning of each, and traced anew if it differs.
     """
 
-    def __init__(self, integrator: AutomaticSample, scene: mi.Scene, sensor: mi.Sensor) -> None:
+    def __init__(self, integrator: Estimator, scene: mi.Scene, sensor: mi.Sensor) -> None:
         self.integrator, self.scene, self.sensor = integrator, scene, sensor
         self._light: AllocatedLight | None = None
         self._others: OtherEmitters | None = None
