@@ -103,12 +103,6 @@ def test_thin_glass_is_invisible_in_a_furnace() -> None:
     assert mean(scene(front=wall({"type": "thindielectric"})), PINNED)[0] == pytest.approx(1, abs=0.03)
 
 
-def test_launches_of_other_sizes_follow_where_nothing_is_varied() -> None:
-    """Gloss alone has no variate; the pilot and later launches have other numbers of camera samples."""
-    metal = {"type": "roughconductor", "alpha": 0.3, "material": "none"}
-    assert mean(scene(front=wall(mask(0.5, metal))), AUTOMATIC, spp=64)[0] == pytest.approx(1, abs=0.1)
-
-
 def test_a_variate_has_the_weight_of_what_is_reflected() -> None:
     from stratalux.integrators.automatic.nested_strata import PixelPoints
 
