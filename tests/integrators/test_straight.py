@@ -107,7 +107,7 @@ def test_a_variate_has_the_weight_of_what_is_reflected() -> None:
     from stratalux.integrators.automatic.nested_strata import PixelPoints
 
     points = PixelPoints(mi.UInt32(0), mi.UInt32(0))
-    points.difference = mi.Spectrum(1, 2, 3)
+    points.difference, points.varied = mi.Spectrum(1, 2, 3), True
     shaded = Arrival(dr.zeros(mi.SurfaceInteraction3f), mi.Spectrum(1), mi.Spectrum(2, 2, 4), mi.Spectrum(0))
     mi.load_dict(AUTOMATIC).weigh(points, shaded)
     assert points.difference.numpy().ravel().tolist() == [2, 4, 12]

@@ -42,7 +42,8 @@ class PixelPoints:
     ) -> None:
         self.index, self.seed, self.samples, self.expected = index, seed, samples, expected
         self.difference = mi.Spectrum(0)
-        """After an estimate: the variate's integral less its estimate, 0 on average."""
+        """After an estimate that has ``varied``: the variate's integral less its estimate, 0 on average."""
+        self.varied = False
         self.detailed = mi.UInt32(0)
         """As in a :class:`~.look.Look`."""
         self.visibility = Visibility(mi.UInt32(0), None)
@@ -192,6 +193,7 @@ class NestedStrata:
         if variate is not None:
             integral = variate.integral(light.from_world(normal)) * light.scale
             self.points.difference = albedo * (integral - H)
+            self.points.varied = True
         return L_o
 
     @dr.syntax
