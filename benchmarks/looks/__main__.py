@@ -44,7 +44,7 @@ def main() -> None:
 def compared(given: argparse.Namespace) -> None:
     """Render, measure and write what ``given`` asks for."""
     choose_variant()
-    from .process import BlenderError, Cycles
+    from .process import FLAT, BlenderError, Cycles
     from .measure import differences
     from .ours import render
     from .sheet import sheet
@@ -66,7 +66,7 @@ def compared(given: argparse.Namespace) -> None:
             start = time.perf_counter()
             with warnings.catch_warnings(record=True) as told:
                 warnings.simplefilter("always")
-                ours, view = render(file, environment, size, 4 * given.spp, given.spp)
+                ours, view = render(file, environment, size, 4 * given.spp, FLAT * given.spp)
             row: dict[str, Any] = {"file": file.name, "told": [str(each.message) for each in told]}
             try:
                 theirs, row["blender"] = cycles.render(file, view, environment)
