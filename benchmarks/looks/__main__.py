@@ -46,7 +46,7 @@ def compared(given: argparse.Namespace) -> None:
     choose_variant()
     from .measure import differences
     from .ours import render
-    from .process import BlenderError, Cycles
+    from .process import FLAT, BlenderError, Cycles
     from .sheet import sheet
 
     size = (given.width, given.width * 2 // 3)
@@ -66,7 +66,7 @@ def compared(given: argparse.Namespace) -> None:
             start = time.perf_counter()
             with warnings.catch_warnings(record=True) as told:
                 warnings.simplefilter("always")
-                ours, view = render(file, environment, size, 4 * given.spp, given.spp)
+                ours, view = render(file, environment, size, 4 * given.spp, FLAT * given.spp)
             row: dict[str, Any] = {"file": file.name, "told": [str(each.message) for each in told]}
             try:
                 theirs, row["blender"] = cycles.render(file, view, environment)
