@@ -1,4 +1,4 @@
-"""The table of ``docs/looks.md`` from ``results.json``, on standard output: ``python -m benchmarks.looks.page FILE``."""
+"""The table of ``docs/looks.md`` from ``results.json``: ``python -m benchmarks.looks.page FILE``."""
 
 from __future__ import annotations
 

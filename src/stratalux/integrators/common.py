@@ -229,10 +229,6 @@ class DirectIntegrator(mi.SamplingIntegrator):
 
             return first_surface(scene, ray, sampler.next_1d(active), transmission, not self.hide_emitters, active)
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
-        if self.hide_emitters:
-            hidden = active & si.is_valid() & emits(si)
-            behind = self.skip_area_emitters(scene, si.spawn_ray(ray.d), True, hidden)
-            si = dr.select(hidden, behind.compute_surface_interaction(ray, mi.RayFlags.All, hidden), si)
         return Arrival(si)
 
 

@@ -29,7 +29,12 @@ PATH = Technique(
     source="Kajiya 1986; Mei, Jaeger and Hu 2006",
     unbiased=True,
     properties={
-        "max_depth": Property(-1, "segments of a path, at most: 2 is direct light; -1: no limit", minimum=-1),
+        "max_depth": Property(
+            -1,
+            "segments of a path, at most: 2 is direct light; -1: no limit",
+            minimum=-1,
+            barred=dict.fromkeys((0, 1), "leaves no light on surfaces; give 2 or more, or -1"),
+        ),
         "rr_depth": Property(5, "surfaces from which on paths end at random", minimum=1),
     },
     rays_per_sample=MOST_RAYS,
@@ -40,10 +45,7 @@ _NO_DERIVATIVES = "path_stratified: has no derivatives; use Mitsuba's 'prb', or 
 
 def _paths_of(props: mi.Properties) -> Paths:
     settings = properties_from(PATH, props)
-    depth = int(settings["max_depth"])
-    if depth in (0, 1):
-        raise InputError(f"path_stratified: max_depth {depth} leaves no light on surfaces; give 2 or more, or -1")
-    return Paths(depth, int(settings["rr_depth"]), bool(props.get("hide_emitters", False)))
+    return Paths(int(settings["max_depth"]), int(settings["rr_depth"]), bool(props.get("hide_emitters", False)))
 
 
 class PathSample(AutomaticSample):

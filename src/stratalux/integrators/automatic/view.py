@@ -152,8 +152,7 @@ class Pilot:
         scale = dr.opaque(mi.Float, self.parts / self.count)
         pilot, difference = (mi.TensorXf(sums * scale, shape) for sums in self._sums)
         if beside is not None:
-            channels = [c % dr.size_v(mi.Spectrum) for c in range(3)]
-            pilot += mi.TensorXf(np.moveaxis(beside[..., channels], -1, 0)[:, None])
+            pilot += mi.TensorXf(np.moveaxis(beside[..., :3], -1, 0)[:, None])
         filter = view.film.rfilter()
         box = filter.is_box_filter()
         # With a wider filter, a sample counts in several pixels, so each needs later ones.

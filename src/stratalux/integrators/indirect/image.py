@@ -96,8 +96,7 @@ class IndirectImage:
 
 
 def added(direct: Pixels, rest: Pixels) -> Pixels:
-    """Both together: the colours of both, alpha and weight of the direct image."""
-    colours = dr.size_v(mi.Spectrum)
+    """Both together; ``rest`` has an alpha of 0."""
     total = direct.copy()
-    total[..., :colours] += np.where(direct[..., -1:] != 0, rest[..., :colours], 0)
+    total[..., :-1] += np.where(direct[..., -1:] != 0, rest[..., :-1], 0)
     return total
