@@ -86,6 +86,7 @@ class Bitmaps:
                 "type": "bitmap",
                 "bitmap": mi.Bitmap(np.ascontiguousarray(pixels)),
                 "raw": not colour,
+                "format": "fp16" if pixels.dtype == np.float16 else "variant",
                 "filter_type": "nearest" if texture.nearest else "bilinear",
                 "wrap_mode": texture.wrap[0] if same else "repeat",
                 "to_uv": mi.ScalarTransform3f([[a, b, c], [d, e, f], [0, 0, 1]]),
