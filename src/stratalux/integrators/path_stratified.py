@@ -40,6 +40,9 @@ PATH = Technique(
     rays_per_sample=MOST_RAYS,
 )
 TECHNIQUES = (PATH,)
+_FEWER, _MORE = 2, 2
+"""Camera samples of direct light are so many times fewer than those asked for, and paths so many times more: with all
+their strata, samples of direct light cost as much and have much smaller errors."""
 _NO_DERIVATIVES = "path_stratified: has no derivatives; use Mitsuba's 'prb', or 'direct_stratified' for direct light"
 
 
@@ -87,8 +90,8 @@ class PathStratified(Automatic):
     on, as masks do, which count for no depth. ``background`` and ``catcher`` are those of all our integrators.
 
     Light that is scattered once is that of :class:`~.automatic.image.Automatic`. The rest, see
-    :class:`~.indirect.paths.Paths`, is an image of its own, with camera samples of its own, which is added. It has as
-    many samples per pixel. There are no derivatives.
+    :class:`~.indirect.paths.Paths`, is an image of its own, with camera samples of its own, which is added: for each
+    two samples per pixel, one of direct light and four paths. There are no derivatives.
     """
 
     def __init__(self, props: mi.Properties) -> None:
@@ -131,10 +134,11 @@ class PathStratified(Automatic):
         self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int
     ) -> Iterator[tuple[Pixels, float]]:
         spp = spp or sensor.sampler().sample_count()
-        direct = super()._passes(scene, sensor, seed, spp)
         if not self._paths.any:
-            yield from direct
+            yield from super()._passes(scene, sensor, seed, spp)
             return
+        few, many = max(1, spp // _FEWER), spp * _MORE
+        direct = super()._passes(scene, sensor, seed, few)
         light = self.prepare(scene)
         assert light is not None
         dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
@@ -142,10 +146,10 @@ class PathStratified(Automatic):
         seed = mix(mi.UInt32(seed) ^ 0x1B873593)
         dr.make_opaque(seed)
         first, done = next(direct)
-        for rest, rendered in image.passes(light, first, dim, seed, spp):
-            yield added(first, rest), (done + rendered) / 2
+        for rest, rendered in image.passes(light, first, dim, seed, many):
+            yield added(first, rest), spp * (done / few + rendered / many) / 2
         for first, done in direct:
-            yield added(first, rest), (done + rendered) / 2
+            yield added(first, rest), spp * (done / few + rendered / many) / 2
 
     def _image_of(self, scene: mi.Scene, sensor: mi.Sensor) -> IndirectImage:
         if self._image is None or self._image.scene is not scene or self._image.sensor is not sensor:

@@ -36,6 +36,7 @@ _SHARED = (
     "stratalux.integrators.automatic.image",
     "stratalux.integrators.indirect.vertex",
     "stratalux.integrators.indirect.paths",
+    "stratalux.integrators.indirect.launch",
     "stratalux.integrators.indirect.image",
 )
 _loaded_for: str | None = None

@@ -10,13 +10,13 @@ import mitsuba as mi
 import numpy as np
 
 from ...sampling.points import mix
-from ..automatic.launch import Launcher
 from ..automatic.nested_strata import PixelPoints
 from ..automatic.sample import AllocatedLight, AutomaticSample
 from ..automatic.view import Pilot, Pixels, View, combined, developed, pilot_samples, unsigned
 from ..light_samples import FreshLight
 from ..other_emitters import OtherEmitters
 from ..sight import Sight
+from .launch import PathLauncher
 from .paths import Paths
 from .vertex import VertexLight
 
@@ -28,7 +28,7 @@ class Indirect:
     """Estimates it for camera rays, in place of an integrator of direct light: of the one whose light it goes with."""
 
     def __init__(self, direct: AutomaticSample, paths: Paths) -> None:
-        self._direct, self._paths = direct, paths
+        self._direct, self.paths = direct, paths
         self.hide_emitters = direct.hide_emitters
 
     def sight(self, scene: mi.Scene, prepared: Any, sensor: mi.Sensor | None) -> Sight:
@@ -50,8 +50,8 @@ class Indirect:
         if prepared is not None:
             samples = sampler.samples or FreshLight(prepared, sampler.seed)
         arriving = VertexLight(scene, sight.obstacles or scene, others, prepared, samples)
-        L = self._paths.radiance(scene, arriving, sight, sampler.index, sampler.seed, ray, mi.Bool(active))
-        return L, mi.Bool(False)
+        way = self.paths.begin(scene, sight, sampler.index, sampler.seed, ray, mi.Bool(active))
+        return self.paths.follow(scene, arriving, sight, sampler.index, sampler.seed, way), mi.Bool(False)
 
 
 class IndirectImage:
@@ -59,7 +59,7 @@ class IndirectImage:
 
     def __init__(self, indirect: Indirect, scene: mi.Scene, sensor: mi.Sensor) -> None:
         self.scene, self.sensor = scene, sensor
-        self._launcher = Launcher(indirect, scene, sensor)
+        self._launcher = PathLauncher(indirect, indirect.paths, scene, sensor)
 
     def passes(
         self, light: AllocatedLight, direct: Pixels, dim: float, seed: mi.UInt32, spp: int
