@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.option(
-    "-o", "--output", metavar="FILE", help="The rig, by the suffix of the file; - for JSON on stdout."
-)
+@click.option("-o", "--output", metavar="FILE", help="The rig, by the suffix of the file; - for JSON on stdout.")
 @click.option(
     "--to",
     multiple=True,
@@ -64,8 +62,8 @@ def rig(
     if plot is not None:
         check_output(plot, PICTURE_SUFFIXES)
     for name, file in wanted:
-        format_of(file, name)
         check_writable(file)
+        format_of(file, name)
     source = settings.source
     check_different([file for file in (plot, *(file for _, file in wanted)) if file is not None], [source])
     if Path(source).suffix.lower() == ".json":

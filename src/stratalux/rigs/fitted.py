@@ -140,13 +140,20 @@ class _Fit:
         least[: len(self.least)] = self.least
         R = cholesky(K + 1e-9 * np.trace(K) / len(K) * np.eye(len(K)))
         target = solve_triangular(R, g - K @ least, trans=1)
-        n, m = len(K), len(C)
-        rows = np.zeros((n + m, n + m))
-        rows[:n, :n], rows[n:, :n], rows[n:, n:] = R, _FIRMNESS * C, _FIRMNESS * np.eye(m)
-        target = np.concatenate([target, _FIRMNESS * (self.most - C @ least)])
-        x = np.stack([nnls(rows, target[:, c], maxiter=30 * (n + m) + 100)[0] for c in range(3)], axis=1)
-        w = least + x[:n]
-        missed = C @ w + x[n:] - self.most
+        w, missed = np.empty_like(g), np.zeros((len(C), 3))
+        for c in range(3):
+            most, broken = self.most[:, c] - C @ least[:, c], np.zeros(len(C), dtype=bool)
+            while True:  # with those conditions only that are broken without them
+                n, m = len(K), int(np.count_nonzero(broken))
+                rows = np.zeros((n + m, n + m))
+                rows[:n, :n], rows[n:, :n], rows[n:, n:] = R, _FIRMNESS * C[broken], _FIRMNESS * np.eye(m)
+                x, _ = nnls(rows, np.append(target[:, c], _FIRMNESS * most[broken]), maxiter=30 * (n + m) + 100)
+                more = ~broken & (C @ x[:n] - most > 1e-9 * np.abs(most).max(initial=1e-30))
+                if not more.any():
+                    break
+                broken |= more
+            w[:, c] = least[:, c] + x[:n]
+            missed[broken, c] = C[broken] @ x[:n] + x[n:] - most[broken]
         error = np.sum(w * (K @ w)) - 2 * np.sum(w * g) + _FIRMNESS**2 * np.sum(missed**2)
         return w, float(error), missed
 

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from ..maps.envmap import EnvironmentMap
 from ..maps.geometry import texel_solid_angle
 from .harmonics import COSINE, harmonics
+from .kmeans import blocks
 from .lights import Lights, frame_towards
-from .rig import importance
-from .voronoi import centroids, texel_directions
 
 _Float = NDArray[np.float64]
 
@@ -52,18 +51,13 @@ def sources(environment: EnvironmentMap) -> tuple[_Float, _Float]:
 
     Each is at the energy centroid of its texels; black ones are left out, unless all are.
     """
-    height, width = environment.height, environment.width
-    rows, columns = min(_RESOLUTION[0], height), min(_RESOLUTION[1], width)
-    row, column = np.arange(height) * rows // height, np.arange(width) * columns // width
-    weight = importance(environment)
-    lit = np.flatnonzero(weight)
-    _, label = np.unique((row[:, None] * columns + column).ravel()[lit], return_inverse=True)
-    count = int(label.max()) + 1
-    points = centroids(texel_directions(height, width)[lit], weight[lit], weight[lit], label, count)
-    solid_angle = np.ravel(texel_solid_angle(height, width))[lit]
+    points, lit, label = blocks(environment, _RESOLUTION)
+    flux = np.empty((len(points), 3))
+    solid_angle = np.ravel(texel_solid_angle(environment.height, environment.width))[lit]
     texels = environment.texels.reshape(-1, 3)[lit]
-    flux = np.stack([np.bincount(label, solid_angle * texels[:, c], count) for c in range(3)], axis=1)
-    return points, flux.astype(np.float64)
+    for c in range(3):
+        flux[:, c] = np.bincount(label, solid_angle * texels[:, c], len(points))
+    return points, flux
 
 
 def irradiance(points: _Float, flux: _Float, normals: _Float) -> _Float:

@@ -20,10 +20,11 @@ __all__ = ["FORMATS", "Format", "format_of", "read_rig", "write_rig"]
 
 @dataclass(frozen=True)
 class Format:
-    """A format, with the ``suffixes`` of its files.
+    """A format of rigs, with the ``suffixes`` of its files.
 
     ``encode``: the bytes of the file of that path, for lights that are turned already; what belongs beside the file it
-    writes itself. ``frame``: where the tool has the middle of a map, by :data:`ENV_FRAMES`. ``ambient``: what it can say of ambient light. ``by_suffix``: whether a suffix alone means it.
+    writes itself. ``frame``: where the tool has the middle of a map, by :data:`ENV_FRAMES`. ``ambient``: what it can
+    say of ambient light. ``by_suffix``: whether a suffix alone means it.
     """
 
     suffixes: tuple[str, ...]

@@ -1,8 +1,8 @@
 """three.js: a group for its ``ObjectLoader``.
 
 Since r155 the intensity of a ``DirectionalLight`` is the irradiance of what faces it: ``BRDF_Lambert`` divides by π,
-and nothing multiplies by it any more (three.js, migration guide, and ``lights_physical_pars_fragment.glsl.js``). That of an
-``AmbientLight`` is an irradiance as well, π times the radiance. A ``LightProbe`` has coefficients of radiance.
+and nothing multiplies by it any more (three.js, migration guide, and ``lights_physical_pars_fragment.glsl.js``). That
+of an ``AmbientLight`` is an irradiance as well, π times the radiance. A ``LightProbe`` has coefficients of radiance.
 
 Colours are written as ``hsl()`` of sRGB, since those that are numbers have 8 bits; ``Color`` decodes both.
 """
