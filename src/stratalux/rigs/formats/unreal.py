@@ -10,7 +10,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from ..lights import Lights, split
+import numpy as np
+
+from ..colours import decoded, eight_bits
+from ..lights import Lights
 
 _HEAD = '''"""{count} directional lights by stratalux rig ({method}): run it in the editor of Unreal."""
 
@@ -38,7 +41,8 @@ def encode(lights: Lights, path: Path) -> bytes:
     rows = []
     for name, direction, colour, angle in lights.named():
         x, y, z = -direction[0], -direction[2], direction[1]
-        tint, lux = split(colour)
+        codes, lux = eight_bits(colour)
+        tint = decoded(np.array(codes)).tolist()
         pitch, yaw = math.degrees(math.asin(max(-1.0, min(1.0, -z)))), math.degrees(math.atan2(-y, -x))
         rows.append((name, pitch, yaw, tuple(tint), lux, math.degrees(angle)))
     listed = "[\n" + "".join(f"    {row!r},\n" for row in rows) + "]"
