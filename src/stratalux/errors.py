@@ -22,3 +22,7 @@ class ImageWarning(UserWarning):
 
 class SceneWarning(UserWarning):
     """Something that a scene's file says is not shown, or was replaced or repaired."""
+
+
+class RigWarning(UserWarning):
+    """Something of a light rig cannot be said in the format that it is written in, or a map has not what is asked."""

@@ -202,12 +202,42 @@ def test_rigs_are_written_and_drawn(monkeypatch: pytest.MonkeyPatch, capsys: pyt
         arguments = ("rig", "map.exr", "--method", method, "-n", "12", "-o", "rig.json", "--plot", "rig.png")
         assert run(monkeypatch, *arguments) == 0
         rig = json.loads(Path("rig.json").read_text())
-        assert len(rig["lights"]) == 12 and rig["method"] == method and rig["preprocessing_seconds"] > 0
+        assert len(rig["lights"]) == 12 and rig["method"] == method and rig["format"] == "stratalux rig"
         assert set(rig["lights"][0]) == {"direction", "colour", "solid_angle"}
         assert mi.Bitmap("rig.png").width() >= 1024
         assert f"12 light(s) by {method}" in capsys.readouterr().out
     assert run(monkeypatch, "rig", "map.exr", "-n", "2", "-o", "-") == 0
     assert len(json.loads(capsys.readouterr().out)["lights"]) == 2
+
+
+def test_rigs_are_written_for_other_tools(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """By suffix, by name, several at once, and from the JSON of one that is there."""
+    fit = ("--method", "fitted", "-n", "2", "--ambient", "sh2")
+    outputs = ("-o", "rig.json", "--to", "rig.py", "--to", "three:three.json", "--to", "rig.xml")
+    assert run(monkeypatch, "rig", "map.exr", *fit, *outputs, "--plot", "rig.png") == 0
+    said = capsys.readouterr()
+    assert "2 light(s) by fitted" in said.out and "% off, shadows" in said.out and said.err == ""
+    made = json.loads(Path("rig.json").read_text())
+    assert len(made["ambient"]) == 9 and set(made["quality"]) == {"irradiance_error", "shadow_error"}
+    assert made["map"] == "map.exr"
+    assert json.loads(Path("three.json").read_text())["object"]["type"] == "Group"
+    assert "bpy" in Path("rig.py").read_text() and Path("rig-ambient.exr").exists() and Path("rig.png").exists()
+    assert run(monkeypatch, "rig", "rig.json", "-o", "again.py", "--to", "unreal", "--to", "again.glb") == 0
+    said = capsys.readouterr()
+    assert said.err.splitlines() == [
+        f"stratalux: warning: {name}: the format has no ambient light, which is left out; choose --ambient none"
+        for name in ("again.py", "again.glb")
+    ]
+    assert "import unreal" in Path("again.py").read_text()
+    assert run(monkeypatch, "rig", "rig.json", "-o", "-") == 0
+    assert json.loads(capsys.readouterr().out) == made
+
+
+def test_the_sun_alone(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(monkeypatch, "rig", "map.exr", "--sun", "-o", "sun.json") == 0
+    assert "1 light(s) by sun" in capsys.readouterr().out
+    made = json.loads(Path("sun.json").read_text())
+    assert len(made["lights"]) == 1 and made["lights"][0]["angle"] > 0 and len(made["ambient"]) == 9
 
 
 def test_doctor_and_completion(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -481,6 +511,17 @@ def spoil() -> None:
         ("rig map.exr --method nonsense", "nonsense"),
         ("rig map.exr --plot a.exr", "unknown image format"),
         ("rig map.exr -o no/such/rig.json", "cannot be written"),
+        ("rig map.exr -o rig.txt", "no rig is written as '.txt'; use one of .json"),
+        ("rig map.exr --to three", "is a format; give the file too, as in three:FILE"),
+        ("rig map.exr --to three:rig.xml", "a rig for three ends with .json"),
+        ("rig map.exr -o a.py --to unreal:a.py", "is to be written twice"),
+        ("rig map.exr --sun -n 3", "leave --method and -n out"),
+        ("rig map.exr --ambient sh2", "goes with --method fitted or --sun"),
+        ("rig map.exr --method fitted -n 129", "choose kmeans"),
+        ("rig map.exr --env-frame maya", "maya"),
+        ("rig none.json", "none.json: no such file"),
+        ("rig none.json -n 3", "is a rig already; lights is for maps"),
+        ("rig none.json --plot a.png", "is a rig already; plot is for maps"),
         ("settings map.exr", "map.exr: says nothing of settings"),
         ("settings none.exr", "none.exr: no such file"),
         ("settings text.exr", "text.exr: cannot be read"),

@@ -11,7 +11,7 @@ from importlib import import_module
 
 import click
 
-from ..errors import CacheWarning, EnvironmentMapWarning, ImageWarning, InputError, SceneWarning
+from ..errors import CacheWarning, EnvironmentMapWarning, ImageWarning, InputError, RigWarning, SceneWarning
 
 COMMANDS = {
     "render": "Render a scene, a mesh or the demo.",
@@ -157,5 +157,5 @@ def _show_warning(
     file: object = None,
     line: str | None = None,
 ) -> None:
-    if issubclass(category, (EnvironmentMapWarning, ImageWarning, SceneWarning, CacheWarning)):
+    if issubclass(category, (EnvironmentMapWarning, ImageWarning, SceneWarning, CacheWarning, RigWarning)):
         print(f"stratalux: warning: {_one_line(str(message))}", file=sys.stderr)

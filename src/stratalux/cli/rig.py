@@ -3,66 +3,118 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from ..errors import InputError
 from ..images.settings import MemorySettings, ViewSettings
-from ..rendering.settings import MOST_STRATA
-from ..rigs import RIGS
+from ..rigs.settings import RigSettings
 from .flags import flags
-from .output import write_json
+
+if TYPE_CHECKING:
+    from ..rigs.lights import Lights
 
 
 @click.command()
-@click.argument("map_file", metavar="MAP")
-@click.option("--method", type=click.Choice(list(RIGS)), default="median-cut", show_default=True, help="Technique.")
+@click.option("-o", "--output", metavar="FILE", help="The rig, by the suffix of the file; - for JSON on stdout.")
 @click.option(
-    "-n", "-N", "--lights", "n", type=click.IntRange(1, MOST_STRATA), default=64, show_default=True, help="Lights."
+    "--to",
+    multiple=True,
+    metavar="FILE|NAME:FILE|NAME",
+    help="Another file, by its suffix (.json .csv .xml .pbrt .glb .gltf .usda .usdc .usd .usdz .py .blend .tscn .rad) "
+    "or by a name: three:FILE.json, unreal:FILE.py. A name alone is that of the format of -o.",
 )
-@click.option("-o", "--output", help="The rig as JSON; - for standard output.")
 @click.option("--plot", help="Picture of the map with the lights and their cells (.png, .jpg ...).")
-@flags(picture=ViewSettings, machine=MemorySettings)
+@flags(settings=RigSettings, picture=ViewSettings, machine=MemorySettings)
 def rig(
-    map_file: str,
-    method: str,
-    n: int,
     output: str | None,
+    to: tuple[str, ...],
     plot: str | None,
+    settings: RigSettings,
     picture: ViewSettings,
     machine: MemorySettings,
 ) -> None:
-    """Turn the environment map MAP into N directional lights.
+    """Turn the environment map MAP into N directional lights, or write a rig for another tool.
 
-    The JSON lists for each light its unit direction (the map's frame, y up), its colour (linear RGB, radiance times
-    steradian: the light of its cell) and the solid angle of its cell.
+    Of each light the JSON has the unit direction towards it (the map's frame: y up, its middle at +z), its colour
+    (linear RGB, the irradiance of what faces it), and the solid angle of the cell that it stands for. It is read back.
+    Other formats have the axes and the units of their tools.
 
     \b
     Examples:
       stratalux rig venice.hdr --method kmeans -n 32 -o rig.json --plot rig.png
+      stratalux rig venice.hdr --method fitted -n 8 --ambient sh2 --to lights.usda --to three:lights.json
+      stratalux rig venice.hdr --sun -o sun.py
+      stratalux rig rig.json --to rig.glb --env-frame three
       stratalux rig grace.exr --method structured -n 300 -o - | jq '.lights | length'
     """
     from ..images.files import PICTURE_SUFFIXES, check_different, check_output, check_writable
     from ..images.writing import write_picture
     from ..maps.envmap import EnvironmentMap
-    from ..rigs import light_rig
-    from ..rigs.picture import draw_rig
+    from ..rigs.formats import format_of, read_rig, write_rig
+    from ..rigs.formats.own import encode
+    from ..rigs.making import make_lights
+    from ..rigs.picture import draw_lights, draw_rig
 
+    wanted = _wanted(output, to)
     if plot is not None:
         check_output(plot, PICTURE_SUFFIXES)
-    if output not in (None, "-"):
-        check_writable(output)
-    check_different([path for path in (plot, output) if path not in (None, "-")], [map_file])
-    environment = EnvironmentMap.load(map_file, max_memory=machine.max_memory)
-    start = time.perf_counter()
-    made = light_rig(method, environment, n)
-    seconds = time.perf_counter() - start
-    if plot is not None:
-        write_picture(plot, draw_rig(environment, made, picture))
-    if output is not None:
-        write_json(output, {"map": map_file, "preprocessing_seconds": seconds, **made.describe()})
-    colour = " ".join(f"{c:.4g}" for c in made.total_colour)
-    short = "" if len(made) == n else f" (of {n} asked for)"
-    click.echo(
-        f"{len(made)} light(s){short} by {method}, total colour {colour}, preprocessing {1000 * seconds:.1f} ms",
-        err=output == "-",
+    for name, file in wanted:
+        check_writable(file)
+        format_of(file, name)
+    source = settings.source
+    check_different([file for file in (plot, *(file for _, file in wanted)) if file is not None], [source])
+    if Path(source).suffix.lower() == ".json":
+        changed = sorted(set(settings.changed()) - {"source", "env_frame"})
+        if changed or plot is not None:
+            raise InputError(
+                f"{source}: is a rig already; {(changed or ['plot'])[0]} is for maps: leave it out, or give the map"
+            )
+        lights, cells, environment = read_rig(source), None, None
+        made = f"{len(lights)} light(s) by {lights.method}"
+    else:
+        environment = EnvironmentMap.load(source, max_memory=machine.max_memory)
+        start = time.perf_counter()
+        lights, cells = make_lights(environment, settings)
+        made = _summary(lights, 1 if settings.sun else settings.lights, time.perf_counter() - start)
+    if plot is not None and environment is not None:
+        drawn = draw_lights(environment, lights, picture) if cells is None else draw_rig(environment, cells, picture)
+        write_picture(plot, drawn)
+    for name, file in wanted:
+        write_rig(lights, file, name, env_frame=settings.env_frame)
+    if output == "-":
+        click.echo(encode(lights, Path("-")).decode(), nl=False)
+    click.echo(made, err=output == "-")
+
+
+def _wanted(output: str | None, to: tuple[str, ...]) -> list[tuple[str | None, str]]:
+    """Names of formats, None where the suffix tells, and files."""
+    from ..rigs.formats import FORMATS
+
+    wanted: list[tuple[str | None, str]] = []
+    of_output: str | None = None
+    for one in to:
+        name, colon, file = one.partition(":")
+        if one in FORMATS:
+            if output in (None, "-"):
+                raise InputError(f"--to {one}: is a format; give the file too, as in {one}:FILE")
+            of_output = one
+        elif colon and name in FORMATS:
+            wanted.append((name, file))
+        else:
+            wanted.append((None, one))
+    if output is not None and output != "-":
+        wanted.insert(0, (of_output, output))
+    return wanted
+
+
+def _summary(lights: Lights, n: int, seconds: float) -> str:
+    colour = " ".join(f"{c:.4g}" for c in lights.colour.sum(axis=0))
+    short = "" if len(lights) == n else f" (of {n} asked for)"
+    errors = f"irradiance {lights.quality['irradiance_error']:.2%} off, shadows {lights.quality['shadow_error']:.1%}"
+    return (
+        f"{len(lights)} light(s){short} by {lights.method}, total colour {colour}, {errors}, "
+        f"preprocessing {1000 * seconds:.1f} ms"
     )

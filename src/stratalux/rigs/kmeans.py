@@ -64,16 +64,22 @@ def reduced_points(
 
     A map that is smaller than ``resolution`` (rows, columns) in one direction keeps its own rows or columns there.
     """
+    points, lit, label = blocks(environment, resolution)
+    return points, np.bincount(label, importance(environment)[lit], len(points)).astype(np.float64)
+
+
+def blocks(
+    environment: EnvironmentMap, resolution: tuple[int, int]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    """The points (P, 3) of :func:`reduced_points`, the texels that are lit (K,), and their points (K,)."""
     height, width = environment.height, environment.width
     rows, columns = min(resolution[0], height), min(resolution[1], width)
     row, column = np.arange(height) * rows // height, np.arange(width) * columns // width
     weight = importance(environment)
     lit = np.flatnonzero(weight)
-    block = (row[:, None] * columns + column).ravel()[lit]
-    _, label = np.unique(block, return_inverse=True)
-    count = int(label.max()) + 1
-    points = centroids(texel_directions(height, width)[lit], weight[lit], weight[lit], label, count)
-    return points, np.bincount(label, weight[lit], count).astype(np.float64)
+    _, label = np.unique((row[:, None] * columns + column).ravel()[lit], return_inverse=True)
+    weight = weight[lit]
+    return centroids(texel_directions(height, width)[lit], weight, weight, label, int(label.max()) + 1), lit, label
 
 
 def _relax(

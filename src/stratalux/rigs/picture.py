@@ -11,6 +11,7 @@ from ..maps.envmap import EnvironmentMap
 from ..maps.geometry import map_coordinates
 from ..maps.regions import Regions
 from . import LightRig
+from .lights import Lights
 
 DEFAULT_VIEW = ViewSettings()
 _BORDER = (120, 255, 90)
@@ -39,10 +40,21 @@ def draw_rig(environment: EnvironmentMap, rig: LightRig, view: ViewSettings = DE
     shown = tonemap(environment.texels, view.exposure, view.view)
     tinted: NDArray[np.uint8] = (0.65 * shown + 0.35 * tint[rig.label]).astype(np.uint8)
     picture = np.repeat(np.repeat(tinted, zoom, axis=0), zoom, axis=1)
+    return _dots(picture, rig.direction, height, zoom)
 
-    u, v = map_coordinates(rig.direction)
-    x, y = u * width * zoom, (v * (height - 1) + 0.5) * zoom
-    radius = max(3.0, min(6.0, 0.2 * np.sqrt(picture.shape[0] * picture.shape[1] / len(rig))))
+
+def draw_lights(environment: EnvironmentMap, lights: Lights, view: ViewSettings = DEFAULT_VIEW) -> NDArray[np.uint8]:
+    """The tone-mapped map with lights that have no cells on it as dots, 8-bit sRGB."""
+    zoom = max(1, -(-_MIN_WIDTH // environment.width))
+    shown = tonemap(environment.texels, view.exposure, view.view)
+    picture: NDArray[np.uint8] = np.repeat(np.repeat(shown, zoom, axis=0), zoom, axis=1)
+    return _dots(picture, lights.direction, environment.height, zoom)
+
+
+def _dots(picture: NDArray[np.uint8], direction: NDArray[np.float64], height: int, zoom: int) -> NDArray[np.uint8]:
+    u, v = map_coordinates(direction)
+    x, y = u * picture.shape[1], (v * (height - 1) + 0.5) * zoom
+    radius = max(3.0, min(6.0, 0.2 * np.sqrt(picture.shape[0] * picture.shape[1] / len(direction))))
     reach = int(radius) + 2
     offsets = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     for centre_x, centre_y in zip(x, y, strict=True):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..maps.envmap import EnvironmentMap
 from ..maps.geometry import texel_solid_angle
+from .lights import Lights
 from .voronoi import centroids, texel_directions
 
 
@@ -66,13 +66,9 @@ class LightRig:
         total = np.bincount(self.label.ravel(), texel_solid_angle(*self.shape).ravel())
         return total.astype(np.float64)
 
-    def describe(self) -> dict[str, Any]:
-        """The lights as plain numbers, ready for JSON."""
-        lights = zip(self.direction.tolist(), self.colour.tolist(), self.solid_angle.tolist(), strict=True)
-        return {
-            "method": self.method,
-            "lights": [{"direction": d, "colour": c, "solid_angle": s} for d, c, s in lights],
-        }
+    def lights(self) -> Lights:
+        """The lights without their strata, to be written or measured."""
+        return Lights(self.direction, self.colour, np.zeros(len(self)), self.method, self.solid_angle)
 
     def texels_by_light(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Table of the texels of each stratum, for jittered lights.

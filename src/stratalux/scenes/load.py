@@ -16,13 +16,14 @@ from ..errors import InputError
 from ..images.repair import LIMIT
 from ..integrators.environment import image_emitter
 from ..maps.envmap import EnvironmentMap
+from ..maps.frames import ENV_FRAMES
 from ..settings import documented
 from .assembly import assembled
 from .camera import own_camera, sensor
 from .demo import demo_scene
 from .lamps import dome_emitter
 from .mitsuba_xml import load_xml
-from .settings import ENV_FRAMES, CameraSettings, SceneSettings
+from .settings import CameraSettings, SceneSettings
 from .shapes import FORMATS, Object, load_object
 from .surroundings import GROUND, background, ground
 

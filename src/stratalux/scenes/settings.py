@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from ..maps.frames import ENV_FRAMES
 from ..settings import Kind, Settings, option
 from .materials import MATERIALS
 
@@ -17,8 +18,6 @@ LARGEST_SIDE = 1 << 16
 MOST_PIXELS = 1 << 28
 MOST_SCALE = 1e30
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
-ENV_FRAMES = {"mitsuba": 0.0, "blender": 90.0, "three": 90.0}
-"""Degrees about +y by which a map is turned to stand as in that tool; docs/conventions.md says why."""
 LEAST_FOV, MOST_FOV = 0.01, 179.0
 LEAST_LENGTH, MOST_LENGTH = 1e-9, 1e15
 
