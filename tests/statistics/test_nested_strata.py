@@ -40,7 +40,10 @@ def scene(material: str = "diffuse", sampler: str = "independent", **more: Any) 
 @pytest.mark.parametrize(
     ("material", "sampler"),
     [
-        *((material, "multijitter") for material in SMOOTH),
+        *(
+            pytest.param(material, "multijitter", marks=() if material == "roughplastic" else SLOW)
+            for material in SMOOTH
+        ),
         pytest.param("plastic", "multijitter", marks=SLOW),
         ("diffuse", "independent"),
     ],
