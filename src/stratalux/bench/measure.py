@@ -140,9 +140,8 @@ def measure_case(
     """Measure ``case``. ``cache``: folder for references instead of the usual one."""
     setting = load_setting(case, suite, assets)
     arena = Arena(setting)
-    truth = Truth(
-        case, setting, reference_of(setting, suite.reference_spp, cache, lambda done: fraction(0.4 * done), suite.depth)
-    )
+    reference = reference_of(setting, suite.reference_spp, cache, lambda done: fraction(0.4 * done), suite.depth)
+    truth = Truth(case, setting, reference)
 
     mine = ours(suite.depth)
     configurations = mitsuba_configurations(suite.depth)

@@ -35,10 +35,10 @@ _SPEED_SECONDS = 600.0
 def bench(bench: BenchSettings, machine: MachineSettings, json_path: str | None, quiet: bool) -> None:
     """Measure the default technique against the best of Mitsuba's own, at equal error, on real maps and meshes.
 
-    The figure is the seconds that the best of Mitsuba's "direct" (of "path" for the whole light) needs to reach our error, over ours: above 1, we are
-    ahead. Every sampler and split is tried for the other side. Cases whose files are missing are left out; stratalux
-    assets fetch brings them. The folder gets results.json and bench.svg, .png; a run that was interrupted goes on where
-    it was. Nothing else should run on the machine meanwhile.
+    The figure is the seconds that the best of Mitsuba's "direct" needs to reach our error, over ours: above 1, we are
+    ahead; of its "path" where the whole light is rendered. Every sampler and split is tried for the other side. Cases
+    whose files are missing are left out; stratalux assets fetch brings them. The folder gets results.json and bench.svg,
+    .png; a run that was interrupted goes on where it was. Nothing else should run on the machine meanwhile.
 
     \b
     Examples:
