@@ -37,8 +37,8 @@ def bench(bench: BenchSettings, machine: MachineSettings, json_path: str | None,
 
     The figure is the seconds that the best of Mitsuba's "direct" needs to reach our error, over ours: above 1, we are
     ahead; of its "path" where the whole light is rendered. Every sampler and split is tried for the other side. Cases
-    whose files are missing are left out; stratalux assets fetch brings them. The folder gets results.json and bench.svg,
-    .png; a run that was interrupted goes on where it was. Nothing else should run on the machine meanwhile.
+    whose files are missing are left out; stratalux assets fetch brings them. The folder gets results.json and
+    bench.svg, .png; a run that was interrupted goes on where it was. Nothing else should run on the machine meanwhile.
 
     \b
     Examples:
