@@ -448,6 +448,9 @@ def test_usd_is_valid_and_has_the_map_beside_the_lights(tmp_path: Path, suffix: 
     dome = stage.GetPrimAtPath("/rig/map")
     assert not dome.IsActive()
     dome.SetActive(True)
+    turned = Usd.Stage.Open(str(written(tmp_path / "maps", "usd", suffix, lights, env_frame="three")))
+    middle = UsdGeom.Xformable(turned.GetPrimAtPath("/rig/map")).GetLocalTransformation().TransformDir((0, 0, 1))
+    np.testing.assert_allclose(middle, [1, 0, 0], atol=1e-9)
     asset = UsdLux.DomeLight(dome).GetTextureFileAttr().Get()
     assert asset.resolvedPath and str(asset.path).endswith(".exr")
     # A stage that is broken is one for the validators.
