@@ -125,11 +125,49 @@ def test_it_lights_better_than_what_represents_the_map(name: str, ambient: str) 
         assert under.min() > -0.02 * integral(environment).max() / 4
 
 
-def test_directions_are_refined() -> None:
-    """Two lamps on black, nine texels each: two lights are in their middles, wherever one starts."""
-    texels = np.zeros((48, 96, 3), np.float32)
+def lamps_map() -> NDArray[np.float32]:
+    """Two lamps that have nearly all of the light, and not of the same colour."""
+    texels = np.full((48, 96, 3), 0.001, np.float32)
     texels[10:13, 20:23], texels[30:33, 70:73] = [4, 2, 1], [1, 2, 4]
-    environment = EnvironmentMap(texels)
+    return texels
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_ambient_light_is_not_negative(n: int) -> None:
+    """Lights that have taken too much would be made good by it, where nothing is in its way."""
+    environment = EnvironmentMap(lamps_map())
+    lights = fitted(environment, n, ambient="sh2")
+    assert lights.ambient is not None
+    under = harmonics(spread(500)) @ (COSINE[:, None] * lights.ambient)
+    most = irradiance(*sources(environment), spread(500)).max()
+    assert under.min() > -0.02 * most
+    assert fitted(environment, n, ambient="constant").ambient_radiance.min() >= 0
+
+
+@pytest.mark.parametrize(("ambient", "degrees"), [("none", 0), ("constant", 1), ("sh2", 3)])
+def test_the_slope_is_that_of_the_error(ambient: str, degrees: int) -> None:
+    """By finite differences along the sphere, where conditions hold and where they do not matter."""
+    for texels in (MAPS["random"], lamps_map(), disk_map(0.3, 0.25, 4, 64)):
+        sun = find_sun(EnvironmentMap(texels))
+        fit = _Fit(EnvironmentMap(texels), degrees, sun if sun.is_one else None)
+        rng = np.random.default_rng(1)
+        d = rng.normal(size=(3, 3))
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        _, slope = fit.slope(d)
+        along = rng.normal(size=(3, 3))
+        along -= np.sum(along * d, axis=1, keepdims=True) * d
+        step = 1e-5
+        ends = []
+        for sign in (1, -1):
+            moved = d + sign * step * along
+            ends.append(fit.slope(moved / np.linalg.norm(moved, axis=1, keepdims=True))[0])
+        scale = np.sum(np.abs(slope * along))
+        assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(np.sum(slope * along), abs=1e-3 * scale + 1e-9)
+
+
+def test_directions_are_refined() -> None:
+    """Two lights are in the middles of two lamps, nine texels each, wherever one starts."""
+    environment = EnvironmentMap(lamps_map())
     fit = _Fit(environment, 0, None)
     middles = texel_directions(48, 96)[[11 * 96 + 21, 31 * 96 + 71]]
     start = middles + 0.3 * np.array([[1, 0, -1], [0, 1, 1]])

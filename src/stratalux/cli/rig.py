@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -76,9 +75,8 @@ def rig(
         made = f"{len(lights)} light(s) by {lights.method}"
     else:
         environment = EnvironmentMap.load(source, max_memory=machine.max_memory)
-        start = time.perf_counter()
         lights, cells = make_lights(environment, settings)
-        made = _summary(lights, 1 if settings.sun else settings.lights, time.perf_counter() - start)
+        made = _summary(lights, 1 if settings.sun else settings.lights)
     if plot is not None and environment is not None:
         drawn = draw_lights(environment, lights, picture) if cells is None else draw_rig(environment, cells, picture)
         write_picture(plot, drawn)
@@ -110,11 +108,8 @@ def _wanted(output: str | None, to: tuple[str, ...]) -> list[tuple[str | None, s
     return wanted
 
 
-def _summary(lights: Lights, n: int, seconds: float) -> str:
+def _summary(lights: Lights, n: int) -> str:
     colour = " ".join(f"{c:.4g}" for c in lights.colour.sum(axis=0))
     short = "" if len(lights) == n else f" (of {n} asked for)"
     errors = f"irradiance {lights.quality['irradiance_error']:.2%} off, shadows {lights.quality['shadow_error']:.1%}"
-    return (
-        f"{len(lights)} light(s){short} by {lights.method}, total colour {colour}, {errors}, "
-        f"preprocessing {1000 * seconds:.1f} ms"
-    )
+    return f"{len(lights)} light(s){short} by {lights.method}, total colour {colour}, {errors}"

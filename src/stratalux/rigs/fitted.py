@@ -173,29 +173,33 @@ class _Fit:
             d = np.concatenate([d, candidates[[np.argmax(gain)]]])
         return d[len(self.fixed) :]
 
+    def slope(self, free: _Float) -> tuple[float, _Float]:
+        """The squared error of lights at ``free`` (N, 3), unit vectors, beside the sun, and its gradient (N, 3)."""
+        d = np.concatenate([self.fixed, free])
+        K, K_slope = self.kernel(d @ d.T)
+        G, G_slope = self.kernel(d @ self.points.T)
+        C, C_slope = self.share(self.normals @ d.T)
+        w, error, missed = self._solve(K, G @ self.flux, C)
+        # Of the colours there is no slope: they are the best ones, or bounded.
+        among = (K_slope * (w @ w.T)) @ d
+        apart = (G_slope * (w @ self.flux.T)) @ self.points
+        kept = _FIRMNESS**2 * ((C_slope * (missed @ w.T)).T @ self.normals)
+        along = 2 * (among - apart + kept)[len(self.fixed) :]
+        return error, along - np.sum(along * free, axis=1, keepdims=True) * free
+
     def descend(self, start: _Float) -> _Float:
         """All directions, after those of ``start`` (N, 3) have been refined."""
         from scipy.optimize import minimize
 
         if not len(start):
             return self.fixed
-        fixed, scale = len(self.fixed), float(np.sum(self.flux) ** 2) or 1.0
+        scale = float(np.sum(self.flux) ** 2) or 1.0
 
         def f(x: _Float) -> tuple[float, _Float]:
             v = x.reshape(-1, 3)
             length = np.linalg.norm(v, axis=1, keepdims=True)
-            d = np.concatenate([self.fixed, v / length])
-            K, slope = self.kernel(d @ d.T)
-            G, slopes = self.kernel(d @ self.points.T)
-            C, steep = self.share(self.normals @ d.T)
-            w, error, missed = self._solve(K, G @ self.flux, C)
-            # Of the colours there is no slope: they are the best ones, or bounded.
-            among = (slope * (w @ w.T)) @ d
-            apart = (slopes * (w @ self.flux.T)) @ self.points
-            kept = _FIRMNESS**2 * ((steep * (missed @ w.T)).T @ self.normals)
-            along = 2 * (among - apart + kept)[fixed:]
-            u = d[fixed:]
-            return error / scale, ((along - np.sum(along * u, axis=1, keepdims=True) * u) / length / scale).ravel()
+            error, slope = self.slope(v / length)
+            return error / scale, (slope / length / scale).ravel()
 
         rounds = _ROUNDS if len(start) <= 16 else _ROUNDS // 4
         found = minimize(f, start.ravel(), jac=True, method="L-BFGS-B", options={"maxiter": rounds, "ftol": 1e-10})

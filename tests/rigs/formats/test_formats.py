@@ -329,6 +329,33 @@ def test_a_matte_ball_looks_as_under_the_rig(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(under, irradiance(LIGHTS.direction, COLOURS, normals), rtol=1e-5, atol=2e-3)
 
 
+@pytest.mark.parametrize("k", [0, 2, 5])
+def test_mitsuba_renders_what_was_written(tmp_path: Path, k: int) -> None:
+    """A matte ball in a scene that includes the rig: every pixel has one sample, whose normal is known."""
+    one = replace(LIGHTS, direction=LIGHTS.direction[[k]], colour=COLOURS[[k]], angle=ANGLES[[k]])
+    written(tmp_path, "mitsuba", ".xml", one)
+    (tmp_path / "scene.xml").write_text(
+        """<scene version="3.0.0">
+        <integrator type="aov"><string name="aovs" value="n:sh_normal"/><integrator type="direct"/></integrator>
+        <sensor type="orthographic">
+          <transform name="to_world"><lookat origin="3, 1, 2" target="0, 0, 0" up="0, 1, 0"/></transform>
+          <film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/>
+            <rfilter type="box"/><string name="component_format" value="float32"/></film>
+          <sampler type="independent"><integer name="sample_count" value="1"/></sampler>
+        </sensor>
+        <shape type="sphere"><bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf></shape>
+        <include filename="rig.xml"/></scene>"""
+    )
+    image = np.array(mi.render(mi.load_file(str(tmp_path / "scene.xml")), seed=4), dtype=np.float64)
+    radiance, normals = image[..., :3], image[..., -3:]
+    ball = np.linalg.norm(normals, axis=-1) > 0.5
+    assert np.count_nonzero(ball) > 50
+    wanted = 0.5 / np.pi * irradiance(one.direction, one.colour, normals[ball])
+    if k == 0:
+        assert 0.1 < np.mean(wanted[:, 0] > 0) < 0.95  # some of it is in its own shadow
+    np.testing.assert_allclose(radiance[ball], wanted, rtol=1e-4, atol=1e-4 * wanted.max())
+
+
 @pytest.mark.parametrize(("name", "suffix"), FILES)
 def test_env_frame_turns_the_lights_as_the_map(tmp_path: Path, name: str, suffix: str) -> None:
     if name == "json":
@@ -448,6 +475,9 @@ def test_usd_is_valid_and_has_the_map_beside_the_lights(tmp_path: Path, suffix: 
     dome = stage.GetPrimAtPath("/rig/map")
     assert not dome.IsActive()
     dome.SetActive(True)
+    turned = Usd.Stage.Open(str(written(tmp_path / "maps", "usd", suffix, lights, env_frame="three")))
+    middle = UsdGeom.Xformable(turned.GetPrimAtPath("/rig/map")).GetLocalTransformation().TransformDir((0, 0, 1))
+    np.testing.assert_allclose(middle, [1, 0, 0], atol=1e-9)
     asset = UsdLux.DomeLight(dome).GetTextureFileAttr().Get()
     assert asset.resolvedPath and str(asset.path).endswith(".exr")
     # A stage that is broken is one for the validators.
