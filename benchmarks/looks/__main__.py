@@ -44,9 +44,9 @@ def main() -> None:
 def compared(given: argparse.Namespace) -> None:
     """Render, measure and write what ``given`` asks for."""
     choose_variant()
-    from .process import FLAT, BlenderError, Cycles
     from .measure import differences
     from .ours import render
+    from .process import FLAT, BlenderError, Cycles
     from .sheet import sheet
 
     size = (given.width, given.width * 2 // 3)

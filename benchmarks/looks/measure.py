@@ -15,8 +15,8 @@ def differences(ours: Passes, theirs: Passes) -> dict[str, float]:
     """Means over the pixels in which one or the other has a surface, or for the first two, both have nothing else.
 
     ``base``: |difference| of the channels of base colours; ``normals``: that of normals (x, y, z); ``coverage``: of the
-    part of a pixel that is surface, where rims are off; ``flip``: HDR-FLIP of the pictures, and ``single`` that without what microfacets
-    scatter more than once; ``ratio``: of the brightness, ours by theirs.
+    part of a pixel that is surface, where rims are off; ``flip``: HDR-FLIP of the pictures, and ``single`` that without
+    what microfacets scatter more than once; ``ratio``: of the brightness, ours by theirs.
     """
     inside = (ours.coverage > _ALL) & (theirs.coverage > _ALL)
     there = (ours.coverage > _SOME) | (theirs.coverage > _SOME)

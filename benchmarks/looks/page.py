@@ -1,4 +1,4 @@
-"""The table of ``docs/looks.md`` from ``results.json``, on standard output: ``python -m benchmarks.looks.page FILE``."""
+"""The table of ``docs/looks.md``, on standard output: ``python -m benchmarks.looks.page RESULTS.json``."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ REASONS = {
     "ClearCoatTest.glb": DETAIL,
     "Duck.glb": MORE_THAN_ONCE,
     "FlightHelmet.gltf": f"{DETAIL}; its glasses are thin",
-    "fuze.ply": "Blender's importer leaves the texture out that a comment of the file names",
-    "geometry-camera-light.glb": "lit by lamps of a radius in Blender, points in ours",
+    "fuze.obj": f"{MORE_THAN_ONCE}; at its end, normals of the file turn away from the eye, where ours is dark",
+    "fuze.ply": "Blender reads neither the texture that a comment names, nor does it smooth what has no normals",
+    "geometry-camera-light.glb": f"a metal of roughness 1: {MORE_THAN_ONCE}",
     "NormalTangentTest.glb": DETAIL,
     "PBR_Spheres.glb": MORE_THAN_ONCE,
-    "simple-instancing.glb": "Blender's importer multiplies no vertices where we do",
+    "simple-instancing.glb": f"a metal of roughness 1: {MORE_THAN_ONCE}; {DETAIL}",
     "SpecularTest.glb": "colours of reflections are not shown (told by a warning)",
     "SunglassesKhronos.glb": "the lenses are thin glass, of which Blender makes solid glass: black after one bounce",
     "TransmissionRoughnessTest.glb": "thin glass, of which Blender makes solid glass: black after one bounce",
