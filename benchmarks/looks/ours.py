@@ -1,4 +1,4 @@
-"""The same of ours: files under a map, without a ground, and the base colours and normals that are shaded.
+"""The same of ours: what files look like under a map, without a ground, and what base colours and normals they have.
 
 Passes are means over a box of one pixel, as Cycles' are.
 """
@@ -137,5 +137,7 @@ def _normal(si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
         si.bsdf().eval(context, place, mi.Vector3f(x, y, side * z), active)[0] for x, y, z in directions.tolist()
     ]
     local = [sum(float(row[k]) * reflected[k] for k in range(3)) for row in inverse]
-    n = dr.normalize(si.to_world(mi.Vector3f(local[0], local[1], side * local[2])))
+    bent = mi.Vector3f(local[0], local[1], side * local[2])
+    # Glass has two different sides, and its matte stand-in no back.
+    n = dr.normalize(si.to_world(dr.select(dr.norm(bent) > 0, bent, mi.Vector3f(0, 0, side))))
     return mi.Color3f(n * 0.5 + 0.5)

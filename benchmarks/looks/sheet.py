@@ -1,4 +1,4 @@
-"""A contact sheet: of each file what Cycles and we show, and the difference; base colours and normals apart."""
+"""A contact sheet: what Cycles shows of each file, what we show, and their difference; base colours and normals."""
 
 from __future__ import annotations
 

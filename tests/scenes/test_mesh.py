@@ -11,7 +11,8 @@ import trimesh
 
 from stratalux.errors import InputError, SceneWarning
 from stratalux.scenes.mesh import TriangleMesh, smooth_shaded
-from stratalux.scenes.shapes import FORMATS, load_mesh
+from stratalux.scenes.model import Instance, Model, Part
+from stratalux.scenes.shapes import FORMATS, load_mesh, object_of
 from tests.helpers import asset
 from tests.scenes.formats.gltf_files import Gltf
 
@@ -331,17 +332,17 @@ def test_instances_that_are_stretched_and_mirrored_keep_outside_and_normals(tmp_
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
     cosines = np.sum(expected * mesh.normals, axis=1)
     assert cosines[: 2 * len(ball.vertices)].min() > 1 - 1e-6
-    assert cosines.min() > 0.99
+    assert cosines.min() > 0.95  # the third is flat
 
 
-def test_creases_of_a_stretched_mesh_are_those_of_its_shape(tmp_path: Path) -> None:
+def test_creases_of_a_stretched_mesh_are_those_of_its_shape() -> None:
     """Edges of 90 degrees that flattening makes smooth, and those of 20 degrees that stretching makes sharp."""
     roof = np.array([[-1, 0, 0], [-1, 0, 1], [0, 1, 0], [0, 1, 1], [1, 0, 0], [1, 0, 1]], dtype=float)
     faces = np.array([[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]])
     for height, vertices in ((1.0, 8), (0.1, 6)):
-        gltf = Gltf()
-        gltf.show(gltf.primitive(roof, faces.ravel()), scale=[1, height, 1])
-        assert len(load_mesh(gltf.write(tmp_path / "scene.glb")).vertices) == vertices
+        model = Model([Part(roof, faces)], [Instance(0, np.diag([1.0, height, 1, 1]))])
+        (shape,) = object_of(Path("a"), model).shapes
+        assert len(shape.mesh.vertices) == vertices
 
 
 def test_many_instances_share_the_work(tmp_path: Path) -> None:

@@ -15,12 +15,15 @@ from ..errors import InputError, SceneWarning
 from .formats import READERS, read_model
 from .mesh import TriangleMesh, smooth_shaded
 from .model import Camera, Floats, Light, Material, Model, Part
-from .normals import cross, unit
+from .normals import CREASE_DEGREES, cross, unit
 
 FORMATS = tuple(READERS)
 
 FAR = 8.0
 """An object whose centre is as many diagonals away from the origin is moved there: single precision would spoil it."""
+
+_FLAT_DEGREES = 0.01
+"""Faces that bend less may share their vertices, though all are flat: nobody sees it."""
 
 # Proper rotations that take the named axis of the file to +y.
 _TO_Y_UP: dict[str, tuple[tuple[int, int, int], ...]] = {
@@ -72,7 +75,7 @@ def load_object(path: str | Path, up: str | None = None) -> Object:
 
     `up` names the axis of the file that points up ('x', 'y', 'z', '-x', '-y', '-z'); by default what the file says or
     its format is known for: y, but z for .stl as is usual in CAD. Shading normals are those of the file, or else smooth
-    across edges that bend less than `CREASE_DEGREES`. Faces without area and vertices without a face are dropped. What
+    across edges that bend less than `CREASE_DEGREES`, but flat in glTF, which asks for that. Faces without area and vertices without a face are dropped. What
     is `FAR` from the origin is centred there. Raises InputError for a file that is missing, unreadable, truncated, of
     another format, or without a surface.
     """
@@ -199,7 +202,7 @@ def _mesh(path: Path, part: Part, linear: Floats) -> tuple[TriangleMesh | None, 
         raise InputError(f"{path}: a vertex is not a finite float32 number; repair the mesh")
     mesh = TriangleMesh(local, triangles, None, _attributes(path, part, used))
     if part.normals is None:
-        return smooth_shaded(mesh), centre, 0
+        return smooth_shaded(mesh, _FLAT_DEGREES if part.flat else CREASE_DEGREES), centre, 0
     # Normals go with the inverse transpose.
     with np.errstate(all="ignore"):
         normals = unit(part.normals[used] @ np.linalg.pinv(linear))

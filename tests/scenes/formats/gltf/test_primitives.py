@@ -11,6 +11,7 @@ import pytest
 from stratalux.errors import InputError
 from stratalux.scenes.formats import read_model
 from stratalux.scenes.model import Part
+from stratalux.scenes.shapes import load_object
 from tests.scenes.formats.gltf_files import Gltf
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=float)
@@ -175,3 +176,16 @@ def test_names(file: Path) -> None:
     gltf.show(gltf.primitive(TRIANGLE), mesh={"name": "a mesh"})
     gltf.show(gltf.primitive(TRIANGLE))
     assert [part.name for part in read_model(gltf.write(file)).parts] == ["a node", "a mesh", "mesh 2"]
+
+
+def test_faces_without_normals_are_flat(file: Path) -> None:
+    """Two that share an edge and bend by 20 degrees, which is smooth in other formats."""
+    bend = np.radians(20.0)
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [-np.cos(bend), 0, -np.sin(bend)]])
+    gltf = Gltf()
+    gltf.show(gltf.primitive(corners, [0, 1, 2, 0, 2, 3]))
+    (shape,) = load_object(gltf.write(file)).shapes
+    assert shape.mesh.normals is not None
+    found = shape.mesh.normals[shape.mesh.faces]
+    np.testing.assert_allclose(found[0], [[0, 0, 1]] * 3, atol=1e-6)
+    np.testing.assert_allclose(found[1], [[-np.sin(bend), 0, np.cos(bend)]] * 3, atol=1e-6)

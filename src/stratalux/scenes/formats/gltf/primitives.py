@@ -88,7 +88,9 @@ def part(
             positions, normals, tangents, mirrored = skinned(positions, normals, tangents, indices, shares, joints)
         faces = faces[:, ::-1] if mirrored else faces
     uvs = {int(name[9:]): posed(name, 2) for name in attributes if re.fullmatch(r"TEXCOORD_\d+", name)}
-    return Part(positions, faces, normals, uvs, _colours(posed("COLOR_0", 3, 4)), tangents, material, name)
+    colours = _colours(posed("COLOR_0", 3, 4))
+    # Section 3.7.2.1: flat where there are no normals.
+    return Part(positions, faces, normals, uvs, colours, tangents, material, name, flat=True)
 
 
 def _colours(found: Floats | None) -> Floats | None:
