@@ -76,7 +76,7 @@ TESTS = {
     "sampling/recording.py": "sampling/test_recording.py integrators/automatic/test_launch.py",
     "sampling/region_sampler.py": "statistics/test_region_sampler.py",
     "integrators/automatic/adaptive.py": "integrators/automatic/test_adaptive.py statistics/test_nested_strata.py",
-    "integrators/automatic/image.py": "integrators/automatic/test_image.py integrators/automatic/test_launch.py "
+    "integrators/automatic/image.py": "integrators/automatic/test_view.py integrators/automatic/test_launch.py "
     "integrators/automatic/test_visibility.py statistics/test_nested_strata.py",
     "integrators/automatic/launch.py": "integrators/automatic/test_launch.py integrators/automatic/test_look.py "
     "statistics/test_scenes.py statistics/test_nested_strata.py",

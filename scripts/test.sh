@@ -2,19 +2,20 @@
 # Run the tests in two processes side by side:  scripts/test.sh PYTHON [ARGUMENTS OF PYTEST]
 #
 # Kernels are compiled on one core, so that a single process leaves half of two cores idle for much of its time. What the
-# statistical tests print is held back until the others are done.
+# tests of sampling and of integrators print is held back until the others are done.
 set -u
 
 python=$1
 shift
 report='--durations=10 --durations-min=1'
+sampled='tests/statistics tests/integrators tests/sampling'
 log=$(mktemp)
 # Both in the background: a signal ends a wait at once, and then them, where Dr.Jit would make a failed test of it.
-# shellcheck disable=SC2086  # two words
-"$python" -m pytest $report tests/statistics "$@" >"$log" 2>&1 &
+# shellcheck disable=SC2086  # several words
+"$python" -m pytest $report $sampled "$@" >"$log" 2>&1 &
 statistics=$!
 # shellcheck disable=SC2086
-"$python" -m pytest $report --ignore=tests/statistics "$@" &
+"$python" -m pytest $report $(printf -- '--ignore=%s ' $sampled) "$@" &
 others=$!
 trap 'kill "$statistics" "$others" 2>/dev/null; rm -f "$log"' EXIT
 trap 'exit 130' INT
@@ -22,7 +23,7 @@ trap 'exit 143' TERM HUP
 
 wait "$others"
 others_status=$?
-echo "tests/statistics, at the same time:"
+echo "$sampled, at the same time:"
 wait "$statistics"
 statistics_status=$?
 cat "$log"

@@ -220,7 +220,7 @@ def test_numbers_of_numpy_and_paths_are_taken(tmp_path: Any) -> None:
         ({"camera": "left", "fov": 40}, "camera 'left' and fov contradict each other"),
         ({"parameters": 3}, "parameters: 3 is not a list"),
         ({"hide_emitters": 1}, "hide_emitters: 1 is not of type bool"),
-        ({"technique": None}, "technique: None is not of type str"),
+        ({"technique": 3}, "technique: 3 is not of type str"),
         ({"nonsense": 1}, "setting 'nonsense' is unknown"),
     ],
 )

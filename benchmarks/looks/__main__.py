@@ -22,7 +22,6 @@ from stratalux import InputError
 from stratalux.rendering.variants import choose_variant
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
-SIZE = (240, 160)
 
 
 def main() -> None:
@@ -31,6 +30,7 @@ def main() -> None:
     parser.add_argument("--assets", type=Path, default=Path("../shared/assets"), help="folder of models/ and envmaps/")
     parser.add_argument("--map", default="envmaps/studio.hdr", help="of the assets")
     parser.add_argument("--only", default="", help="a part of the names of the files")
+    parser.add_argument("--width", type=int, default=240, help="of the pictures in pixels; they are 3:2")
     parser.add_argument("--spp", type=int, default=64, help="of Cycles; ours has four times as many")
     parser.add_argument("--threads", type=int, default=2, help="of Cycles")
     parser.add_argument("-o", "--output", type=Path, default=Path("out/looks"))
@@ -46,23 +46,27 @@ def compared(given: argparse.Namespace) -> None:
     choose_variant()
     from .measure import differences
     from .ours import render
-    from .process import BlenderError, Cycles
+    from .process import FLAT, BlenderError, Cycles
     from .sheet import sheet
 
+    size = (given.width, given.width * 2 // 3)
     environment = given.assets / given.map
     files = sorted(path for path in (given.assets / "models").rglob("*") if path.suffix.lower() in FORMATS)
     files = [path for path in files if given.only.lower() in path.name.lower()]
     if not files:
         raise InputError(f"{given.assets}/models: no file that Blender reads")
     given.output.mkdir(parents=True, exist_ok=True)
-    rows: list[dict[str, Any]] = []
+    results = given.output / "results.json"
+    known: dict[str, dict[str, Any]] = {}
+    if results.exists():  # of other files, from runs before
+        known = {row["file"]: row for row in json.loads(results.read_text(encoding="utf-8"))["files"]}
     with tempfile.TemporaryDirectory(prefix="stratalux-") as folder:
         cycles = Cycles(given.blender_python, Path(folder), given.spp, given.threads)
         for file in files:
             start = time.perf_counter()
             with warnings.catch_warnings(record=True) as told:
                 warnings.simplefilter("always")
-                ours, view = render(file, environment, SIZE, 4 * given.spp)
+                ours, view = render(file, environment, size, 4 * given.spp, FLAT * given.spp)
             row: dict[str, Any] = {"file": file.name, "told": [str(each.message) for each in told]}
             try:
                 theirs, row["blender"] = cycles.render(file, view, environment)
@@ -73,14 +77,14 @@ def compared(given: argparse.Namespace) -> None:
                 arrays = {f"ours_{key}": value for key, value in vars(ours).items() if value is not None}
                 arrays |= {f"cycles_{key}": value for key, value in vars(theirs).items() if value is not None}
                 np.savez_compressed(given.output / f"{file.name}.npz", **arrays)
-            rows.append(row)
-            numbers = "  ".join(
-                f"{key} {row[key]:.3f}" for key in ("base", "normals", "flip", "single", "ratio") if key in row
-            )
+            keys = ("base", "normals", "flip", "single", "ratio")
+            numbers = "  ".join(f"{key} {row[key]:.3f}" for key in keys if key in row)
             print(f"{file.name:32} {time.perf_counter() - start:5.1f} s  {row.get('error', numbers)}", flush=True)
-    settings = {"map": environment.name, "size": SIZE, "spp": given.spp, "files": rows}
-    (given.output / "results.json").write_text(json.dumps(settings, indent=1), encoding="utf-8")
-    if shown := [row["file"] for row in rows if "error" not in row]:
+            known[file.name] = row
+            settings = {"map": environment.name, "size": size, "spp": given.spp}
+            rows = [known[name] for name in sorted(known)]
+            results.write_text(json.dumps({**settings, "files": rows}, indent=1), encoding="utf-8")
+    if shown := [name for name in sorted(known) if "error" not in known[name]]:
         sheet(given.output, shown)
 
 

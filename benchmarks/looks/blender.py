@@ -14,7 +14,9 @@ shaded with, y up, over black. ``coverage`` (H, W): the part of each pixel that 
 from __future__ import annotations
 
 import json
+import struct
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +26,6 @@ from mathutils import Matrix
 
 MATTE = 0.5
 """Reflectance of what the file says nothing of: our clay."""
-_FLAT_SPP = 64
 
 
 def main(job: dict[str, Any]) -> None:
@@ -48,7 +49,7 @@ def main(job: dict[str, Any]) -> None:
     for name, paint in (("base", base), ("normals", normal)):
         for material in keep:
             shown(material, originals[material.name], paint)
-        pixels = render(scene, output, _FLAT_SPP)
+        pixels = render(scene, output, job.get("flat_spp", job["spp"]))
         found[name] = pixels[..., :3]
         found["coverage"] = pixels[..., 3]
     np.savez(output, version=bpy.app.version_string, **found)
@@ -62,8 +63,7 @@ def load(file: str) -> None:
     suffix = Path(file).suffix.lower()
     if suffix in (".glb", ".gltf"):
         # Candela and lux one to one: W of a lamp are 4 pi times its W/sr. By default, they are divided by 683.
-        bpy.ops.import_scene.gltf(filepath=file, export_import_convert_lighting_mode="COMPAT")
-        still()
+        bpy.ops.import_scene.gltf(filepath=still(Path(file)), export_import_convert_lighting_mode="COMPAT")
     elif suffix == ".obj":
         bpy.ops.wm.obj_import(filepath=file)
     elif suffix == ".ply":
@@ -74,11 +74,21 @@ def load(file: str) -> None:
         sys.exit(f"{file}: Blender is not asked to read it")
 
 
-def still() -> None:
-    """As the nodes of the file say, and not as the first of its animations does."""
-    for each in bpy.data.objects:
-        if each.animation_data is not None:
-            each.animation_data_clear()
+def still(file: Path) -> str:
+    """The file, or a copy without animations: things stand as its nodes say, not as the first frame has them."""
+    content = file.read_bytes()
+    if content[:4] != b"glTF":
+        return str(file)
+    (length,) = struct.unpack_from("<I", content, 12)
+    document = json.loads(content[20 : 20 + length])
+    if not document.pop("animations", None):
+        return str(file)
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + content[20 + length :]
+    copy = Path(tempfile.mkdtemp(prefix="stratalux-")) / file.name
+    copy.write_bytes(b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks)
+    return str(copy)
 
 
 def dressed(suffix: str) -> None:

@@ -1,4 +1,4 @@
-"""The same of ours: what files look like under a map, without a ground, and the base colours and normals that are shaded.
+"""The same of ours: files under a map, without a ground, and the base colours and normals that are shaded.
 
 Passes are means over a box of one pixel, as Cycles' are.
 """
@@ -25,7 +25,6 @@ from stratalux.scenes.settings import ENV_FRAMES, CameraSettings
 from stratalux.scenes.shapes import load_object
 
 Image = NDArray[np.float32]
-_FLAT_SPP = 64
 _TILT = 0.1
 """Slope of the directions from which light tells what a normal is."""
 
@@ -77,7 +76,7 @@ class Painted(Looks):
         return bsdf
 
 
-def render(file: Path, environment: Path, size: tuple[int, int], spp: int) -> tuple[Passes, View]:
+def render(file: Path, environment: Path, size: tuple[int, int], spp: int, flat_spp: int) -> tuple[Passes, View]:
     """The passes of a file under a map that stands as in Blender, and from where they are seen."""
     found = load_object(file)
     seen = sensor(CameraSettings(camera="none"), found.points(), (), size, spp)
@@ -90,8 +89,8 @@ def render(file: Path, environment: Path, size: tuple[int, int], spp: int) -> tu
 
     lit = scene(Looks, emitter=emitter)
     picture = np.array(mi.render(lit, integrator=mi.load_dict({"type": "direct_stratified"}), spp=spp))
-    base, coverage = _mean(scene(Painted), _base)
-    normals, _ = _mean(scene(Matte), _normal)
+    base, coverage = _mean(scene(Painted), _base, flat_spp)
+    normals, _ = _mean(scene(Matte), _normal, flat_spp)
     matrix = np.array(seen["to_world"].matrix, dtype=np.float64)
     matrix[:3, 3] += found.origin
     slope = np.tan(np.radians(FIELD_OF_VIEW_DEGREES) / 2) * max(size) / min(size)
@@ -99,14 +98,14 @@ def render(file: Path, environment: Path, size: tuple[int, int], spp: int) -> tu
     return Passes(picture[..., :3], base, normals, coverage), View(matrix, float(2 * np.arctan(slope)), clip, size)
 
 
-def _mean(scene: mi.Scene, value: Any) -> tuple[Image, Image]:
+def _mean(scene: mi.Scene, value: Any, spp: int) -> tuple[Image, Image]:
     """A value of the surfaces that are seen, over black, and the part of each pixel that is surface."""
     one = scene.sensors()[0]
     width, height = one.film().size()
     sampler = mi.load_dict({"type": "independent"})
-    total = width * height * _FLAT_SPP
+    total = width * height * spp
     sampler.seed(0, total)
-    index = dr.arange(mi.UInt32, total) // _FLAT_SPP
+    index = dr.arange(mi.UInt32, total) // spp
     corner = mi.Point2f(index % width, index // width)
     place = (corner + sampler.next_2d()) / mi.Point2f(width, height)
     ray, _ = one.sample_ray(0.0, 0.0, place, 0.0)
@@ -115,7 +114,7 @@ def _mean(scene: mi.Scene, value: Any) -> tuple[Image, Image]:
     # As if it were emitted: what is reflected at a mask has the share that it stops already.
     found = arrival.emitted(mi.Color3f(dr.select(hit, value(arrival.si, hit), 0)))
     there = arrival.emitted(mi.Color3f(dr.select(hit, 1, 0)))
-    shape = (height, width, _FLAT_SPP, 3)
+    shape = (height, width, spp, 3)
     pixels, coverage = (np.array(each).T.reshape(shape).mean(axis=2) for each in (found, there))
     return pixels.astype(np.float32), coverage[..., 0].astype(np.float32)
 

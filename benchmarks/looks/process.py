@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from .ours import Passes, View
 
 WORKER = Path(__file__).with_name("blender.py")
+FLAT = 8
+"""Times the samples of pictures, for base colours and normals: details finer than pixels are to be seen alike."""
 
 
 class BlenderError(Exception):
@@ -40,6 +42,7 @@ class Cycles:
             "clip": view.clip,
             "size": view.size,
             "spp": self.spp,
+            "flat_spp": FLAT * self.spp,
             "threads": self.threads,
             "output": str(output.resolve()),
         }

@@ -1,4 +1,4 @@
-"""A contact sheet: of each file, what Cycles shows, what we show, and their difference; base colours and normals apart."""
+"""A contact sheet: of each file what Cycles and we show, and the difference; base colours and normals apart."""
 
 from __future__ import annotations
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from .comparison.compare import Comparison, compare
     from .errors import EnvironmentMapWarning, InputError
     from .images.develop import develop
+    from .integrators.accelerate import accelerate
     from .maps.envmap import EnvironmentMap
     from .maps.median_cut import median_cut
     from .maps.regions import Regions, describe_regions, region_content
@@ -30,6 +31,7 @@ __all__ = [
     "PictureSettings",
     "Regions",
     "RenderResult",
+    "accelerate",
     "compare",
     "describe_regions",
     "develop",
@@ -42,6 +44,7 @@ __all__ = [
 
 _PLACES = {
     "Comparison": ".comparison.compare",
+    "accelerate": ".integrators.accelerate",
     "compare": ".comparison.compare",
     "EnvironmentMap": ".maps.envmap",
     "EnvironmentMapWarning": ".errors",

@@ -26,7 +26,7 @@ from tests.helpers import asset, run
 def few_configurations(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two of the other side's, as kernels take long to compile."""
     some = [c for c in candidates.mitsuba_configurations() if c.sampler == "multijitter"][1:3]
-    monkeypatch.setattr(measure, "mitsuba_configurations", lambda: tuple(some))
+    monkeypatch.setattr(measure, "mitsuba_configurations", lambda depth: tuple(some))
 
 
 def test_a_run_measures_everything_and_resumes(tmp_path: Path) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import pytest
 
 from stratalux import InputError
 from stratalux.assets import ASSETS
-from stratalux.bench.candidates import OURS, Configuration, Trial, mitsuba_configurations, search
+from stratalux.bench.candidates import OURS, Configuration, Trial, mitsuba_configurations, ours, search
 from stratalux.bench.cases import FULL, MAPS, MATERIALS, QUICK, SCENES, find_suite
 from stratalux.bench.measure import our_ladder
 from stratalux.integrators.techniques import parse_technique
@@ -55,6 +56,16 @@ def test_all_samplers_and_splits_take_part_and_compensation_only_where_it_is_unb
             assert configuration.rays == settings["emitter_samples"] + settings["bsdf_samples"]
         if configuration.compensated:
             assert settings["emitter_samples"] and settings["bsdf_samples"]
+
+
+def test_whole_light_is_that_of_path_with_every_sampler_on_both_kinds_of_map() -> None:
+    configurations = mitsuba_configurations(8)
+    assert {(c.sampler, c.compensated) for c in configurations} == set(product(SAMPLERS, (False, True)))
+    assert len({c.label for c in configurations}) == len(configurations)
+    for text, name in (*((c.technique, "path") for c in configurations), (ours(8).technique, "path-stratified")):
+        technique, given = parse_technique(text)
+        assert (technique.name, technique.settings(given)["max_depth"]) == (name, 8)
+    assert ours(2) is OURS and not any("path" in c.technique for c in mitsuba_configurations(2))
 
 
 def test_ours_is_the_default_of_the_package() -> None:

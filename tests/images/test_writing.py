@@ -18,7 +18,7 @@ from stratalux.images import encoding
 from stratalux.images.files import FORMATS, PICTURE_SUFFIXES
 from stratalux.images.reading import read_image
 from stratalux.images.tonemap import srgb, tonemap
-from stratalux.images.writing import jpeg, write_image, write_picture
+from stratalux.images.writing import automatic_exposure, jpeg, write_image, write_picture
 
 Y, X = np.mgrid[:16, :24].astype(np.float32)
 PIXELS = np.dstack([0.1 + X / 24, 1.3 - Y / 16, 0.6 + Y / 32 - X / 48])
@@ -281,3 +281,15 @@ def test_nothing_is_said_where_nothing_is_lost(tmp_path: Path) -> None:
         for suffix in FORMATS:
             write_image(tmp_path / f"a{suffix}", PIXELS)
         write_image(tmp_path / "b.exr", COVERED)
+
+
+def test_what_is_around_an_object_has_a_say_in_its_exposure() -> None:
+    pixels = np.full((4, 4, 3), 0.18, dtype=np.float32)
+    mask = np.zeros((4, 4), dtype=bool)
+    mask[1, 1] = True
+    for value, expected in ((0.18, 0), (0.36, -1), (1e-4, 2), (1e4, -2)):
+        pixels[1, 1] = value
+        whole = automatic_exposure(mi.Bitmap(pixels))
+        stops = automatic_exposure(mi.Bitmap(pixels), mask)
+        assert stops == pytest.approx(expected if abs(expected) < 2 else whole + expected, abs=1e-3)
+    assert automatic_exposure(mi.Bitmap(pixels), ~mask) == pytest.approx(0, abs=1e-3)

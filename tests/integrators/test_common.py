@@ -56,7 +56,7 @@ def test_no_scene_of_the_past_is_freed_while_a_kernel_is_traced() -> None:
 
 
 def test_the_power_heuristic() -> None:
-    from stratalux.integrators.common import power_heuristic  # of the active variant
+    from stratalux.integrators.other_emitters import power_heuristic  # of the active variant
 
     a, b = np.array([0, 0, 1, 2, 3, 1e-20, 1e20]), np.array([0, 1, 0, 1, 3, 1e20, 1e-20])
     expected = np.where(a > 0, a**2 / np.maximum(a**2 + b**2, 1e-300), 0)
@@ -150,15 +150,15 @@ def test_without_bsdf_samples_map_samples_count_in_full() -> None:
 
 
 def test_delta_lobes_are_seen_wherever_they_are() -> None:
-    from stratalux.integrators.common import _has_delta
+    from stratalux.integrators.other_emitters import has_delta
 
     def scene(**more: Any) -> mi.Scene:
         return mi.load_dict({**scene_dict("diffuse"), **more})
 
-    assert not _has_delta(scene())
-    assert _has_delta(scene(more={"type": "sphere", "bsdf": {"type": "plastic"}}))
+    assert not has_delta(scene())
+    assert has_delta(scene(more={"type": "sphere", "bsdf": {"type": "plastic"}}))
     group = {"type": "shapegroup", "ball": {"type": "sphere", "bsdf": {"type": "diffuse"}}}
-    assert _has_delta(scene(group=group, instance={"type": "instance", "group": {"type": "ref", "id": "group"}}))
+    assert has_delta(scene(group=group, instance={"type": "instance", "group": {"type": "ref", "id": "group"}}))
 
 
 POINT = {"type": "point", "position": [0, 3, 0], "intensity": 5.0}
@@ -178,7 +178,7 @@ POINT = {"type": "point", "position": [0, 3, 0], "intensity": 5.0}
 def test_other_emitters_are_sampled_where_there_are_any(
     more: dict[str, Any], lights: bool, found_by_bsdf: bool, apart: bool
 ) -> None:
-    from stratalux.integrators.common import OtherEmitters
+    from stratalux.integrators.other_emitters import OtherEmitters
 
     if isinstance(more.get("lamp"), str):
         made = lamp()
@@ -199,7 +199,7 @@ def test_other_emitters_are_sampled_where_there_are_any(
 @pytest.mark.parametrize("material", ["diffuse", "roughplastic"])
 def test_emitter_and_bsdf_samples_share_an_area_light(material: str, differentiated: bool) -> None:
     """Wherever a BSDF sample finds the only lamp, its weight and that of a sample of the lamp add up to 1."""
-    from stratalux.integrators.common import OtherEmitters, power_heuristic
+    from stratalux.integrators.other_emitters import OtherEmitters, power_heuristic
 
     # An even lamp all around: every sample of either kind reaches it.
     ball = {"type": "sphere", "radius": 5.0, "flip_normals": True, "emitter": {"type": "area", "radiance": 2.0}}
@@ -308,5 +308,10 @@ def test_what_is_not_given_is_as_mitsuba_has_it(properties: dict[str, int]) -> N
     image = np.array(integrator.render(scene))
     same = np.array(mi.render(scene, integrator=integrator, sensor=0, seed=0, spp=4))
     np.testing.assert_allclose(image, same, rtol=1e-4, atol=1e-6)
+    if not properties:
+        found, asked = ([spp for _, spp in passes] for passes in (
+            integrator.passes(scene, scene.sensors()[0]), integrator.passes(scene, scene.sensors()[0], 0, 4)
+        ))  # fmt: skip
+        assert found == asked and found[-1] == pytest.approx(4, abs=1)
     for change in ({"seed": 1}, {"sensor": 1}, {"spp": 8}):
         assert np.abs(np.array(integrator.render(scene, **change)) - same).max() > 1e-4

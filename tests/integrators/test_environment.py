@@ -136,6 +136,20 @@ def test_the_density_of_a_spectral_map_is_its_mean_over_wavelengths() -> None:
         MapCache(built.append).get(scene)
 
 
+def test_a_negative_spectral_map_has_a_density_of_0_there() -> None:
+    mi.set_variant("llvm_ad_spectral")
+    from stratalux.integrators.environment import _rgb_texels
+
+    emitter = mi.load_dict({"type": "envmap", "bitmap": mi.Bitmap(np.full((4, 8, 3), 0.5, dtype=np.float32))})
+    params = mi.traverse(emitter)
+    data = params["data"].numpy()
+    data[1, 3, 3] = -2
+    params["data"] = mi.TensorXf(data)
+    params.update()
+    texels = _rgb_texels(emitter)
+    assert texels.min() == texels[1, 2].max() == 0 and np.count_nonzero(texels == 0) == 3
+
+
 def test_infinite_texels_of_a_scene_outshine_the_others() -> None:
     texels = hall_map()
     texels[4, 4] = np.inf

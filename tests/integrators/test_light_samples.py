@@ -16,10 +16,10 @@ LANES = 1 << 14
 
 @pytest.mark.parametrize("variant", ["llvm_ad_rgb", "llvm_ad_mono"])
 def test_what_is_shared_is_what_one_would_draw(variant: str) -> None:
+    mi.set_variant(variant)
     from stratalux.integrators.light_samples import FreshLight, SharedLight  # of the active variant
     from stratalux.sampling.points import mix
 
-    mi.set_variant(variant)
     light = mi.load_dict({"type": "direct_stratified"}).prepare(mi.load_dict(scene_dict()))
     count, seed, si = light.tables.count, mi.UInt32(7), dr.zeros(mi.SurfaceInteraction3f)
     records = SharedLight.drawn(light, seed)

@@ -141,3 +141,15 @@ def test_a_mask_draws_what_it_covers_only_along_with_what_goes_through(more: int
     si.wi = mi.Vector3f(0, 0, 1)
     bs, _ = bsdf.sample(ctx, si, (dr.arange(mi.Float, 64) + 0.5) / 64, mi.Point2f(0.3, 0.6))
     assert dr.any(mi.has_flag(bs.sampled_type, mi.BSDFFlags.Smooth))[0] == drawn
+
+
+def test_wrappers_do_not_tell_what_a_mask_inside_lets_through() -> None:
+    """If one day they do, nothing has to be told of them any more (see :mod:`stratalux.scenes.mitsuba_xml`)."""
+    si = dr.zeros(mi.SurfaceInteraction3f)
+    mask = {"type": "mask", "opacity": 0.25, "covers": {"type": "diffuse"}}
+    blend = {"type": "blendbsdf", "weight": 0.5, "first": mask, "second": {"type": "diffuse"}}
+    bumpy = {"type": "bumpmap", "bumps": {"type": "checkerboard"}, "covers": mask}
+    for description, transmission in ((mask, 0.75), (blend, 0.375), (bumpy, 0), ({"type": "null"}, 1)):
+        bsdf = mi.load_dict(description)
+        assert mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null)
+        assert bsdf.eval_null_transmission(si).numpy().ravel() == pytest.approx(transmission)

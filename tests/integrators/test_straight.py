@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from stratalux import InputError
-from stratalux.integrators.straight import LAYERS, lets_through
+from stratalux.integrators.straight import LAYERS, Arrival, lets_through
 from tests.helpers import hall_map
 
 AUTOMATIC = {"type": "direct_stratified"}
@@ -96,6 +96,21 @@ def test_a_furnace_stays_even_whatever_the_mask_covers(ours: dict[str, Any]) -> 
         of = scene(front=wall(mask(opacity, white)))
         image = mi.render(of, integrator=mi.load_dict(ours), spp=256, seed=1).numpy()
         assert image[..., :3].mean() == pytest.approx(1, abs=0.02)
+
+
+def test_thin_glass_is_invisible_in_a_furnace() -> None:
+    """What it does not let through, it reflects: its own lobe has the chance of the rays that stay."""
+    assert mean(scene(front=wall({"type": "thindielectric"})), PINNED)[0] == pytest.approx(1, abs=0.03)
+
+
+def test_a_variate_has_the_weight_of_what_is_reflected() -> None:
+    from stratalux.integrators.automatic.nested_strata import PixelPoints
+
+    points = PixelPoints(mi.UInt32(0), mi.UInt32(0))
+    points.difference, points.varied = mi.Spectrum(1, 2, 3), True
+    shaded = Arrival(dr.zeros(mi.SurfaceInteraction3f), mi.Spectrum(1), mi.Spectrum(2, 2, 4), mi.Spectrum(0))
+    mi.load_dict(AUTOMATIC).weigh(points, shaded)
+    assert points.difference.numpy().ravel().tolist() == [2, 4, 12]
 
 
 def test_textured_opacity_is_looked_up_where_the_ray_is() -> None:

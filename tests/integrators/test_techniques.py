@@ -73,7 +73,7 @@ def test_values_are_read_by_the_type_of_the_default() -> None:
         ("nonsense", "technique 'nonsense' is unknown; use one of stratified"),
         ("stratified:strata", "'strata' is not key=value"),
         ("stratified:colour=3", "no property 'colour'; it has strata, proposals"),
-        ("path:depth=3", "no property 'depth'; it has none"),
+        ("path:depth=3", "no property 'depth'; it has max_depth"),
         ("stratified:strata=-1", "strata: -1 is too small; give at least 0"),
         ("stratified:strata=1.5", "strata: '1.5' is not of type int"),
         ("kmeans:jitter=maybe", "jitter: 'maybe' is not of type bool"),

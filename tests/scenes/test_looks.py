@@ -255,3 +255,35 @@ def test_a_material_is_made_once() -> None:
         looks = Looks(bitmaps)
         assert looks.bsdf(material, {}, False, False) is looks.bsdf(material, {}, False, False)
         assert looks.bsdf(Material(), {}, False, False) is not looks.bsdf(material, {}, False, False)
+
+
+def test_matte_surfaces_are_lamberts_under_their_reflection() -> None:
+    """Without a reflection, base / π · cos θ everywhere; with one, white under an even light never gains."""
+    base = (0.8, 0.5, 0.2)
+    bsdf, si = look(square(Material(base_colour=Value(base), metallic=NONE, specular=NONE)), 0.1, 0.1)
+    for of_eye, of_light in ((0.1, 1.4), (1.4, 0.1), (1.4, 1.4)):
+        si.wi = mi.Vector3f(float(np.sin(of_eye)), 0, float(np.cos(of_eye)))
+        wo = mi.Vector3f(-float(np.sin(of_light)), 0, float(np.cos(of_light)))
+        found = bsdf.eval(mi.BSDFContext(), si, wo).numpy()[:, 0]
+        np.testing.assert_allclose(found, np.array(base) * np.cos(of_light) / np.pi, rtol=1e-4)
+    bsdf, si = look(square(Material(metallic=NONE)), np.full(4096, 0.1), np.full(4096, 0.1))
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(1, 4096)
+    for cos in (1.0, 0.3):
+        si.wi = mi.Vector3f(float(np.sqrt(1 - cos * cos)), 0, cos)
+        bs, weight = bsdf.sample(mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d())
+        value, pdf = bsdf.eval_pdf(mi.BSDFContext(), si, bs.wo)
+        np.testing.assert_allclose((weight * pdf).numpy(), value.numpy(), rtol=1e-3, atol=1e-6)
+        assert 0.85 < weight[0].numpy().mean() < 1.0
+
+
+def test_a_dent_that_is_seen_from_behind_is_a_bump(tmp_path: Path) -> None:
+    """A normal to the right, seen from behind, points away to the left."""
+    code = np.rint((np.array([0.6, 0, 0.8]) + 1) / 2 * 255).astype(np.uint8)
+    normal = Value((1.0, 1.0), texture(tmp_path, np.tile(code, (2, 2, 1))))
+    material = Material(normal=normal, metallic=NONE, specular=NONE)
+    bsdf, si = look(square(material), 0.3, 0.3)
+    for side in (1, -1):
+        si.wi = mi.Vector3f(0, 0, side)
+        wo = si.to_local(mi.Vector3f(0.6 * side, 0, 0.8 * side))
+        assert bsdf.eval(mi.BSDFContext(), si, wo)[0][0] == pytest.approx(1 / np.pi, rel=0.02)

@@ -12,6 +12,7 @@ import pytest
 import stratalux
 from stratalux import InputError, load_scene
 from stratalux.errors import SceneWarning
+from stratalux.scenes.mitsuba_xml import DIRECT, dark_behind
 from tests.helpers import hall_map
 
 PATH_2 = '<integrator type="path"><integer name="max_depth" value="2"/>{}</integrator>'
@@ -53,16 +54,23 @@ def test_nothing_is_told_where_nothing_is_lost(tmp_path: Path, integrator: str) 
 
 def test_what_is_not_shown_is_told_in_one_line(tmp_path: Path) -> None:
     (line,) = told(write(tmp_path / "a.xml", '<integrator type="volpath"/>'))
-    assert line.startswith(f"{tmp_path / 'a.xml'}: its integrator 'volpath' is replaced: direct light only")
+    assert line == f"{tmp_path / 'a.xml'}: its integrator 'volpath' is replaced by path tracing"
     aov = '<integrator type="aov"><string name="aovs" value="dd:depth"/><integrator type="direct"/></integrator>'
     (line,) = told(write(tmp_path / "a.xml", aov))
     assert "its AOVs (dd:depth) are left out" in line
-    mask = '<bsdf type="mask"><float name="opacity" value="0.5"/><bsdf type="diffuse"/></bsdf>'
-    bumpy = f'<bsdf type="bumpmap"><texture type="checkerboard" name="bumps"/>{mask}</bsdf>'
-    for bsdf, name in (('<bsdf type="dielectric"/>', "SmoothDielectric"), (bumpy, "BumpMap")):
-        (line,) = told(write(tmp_path / "a.xml", bsdf=bsdf))
-        assert f"what is behind {name} is black" in line
-    assert told(write(tmp_path / "a.xml", bsdf=mask)) == []
+
+
+def test_what_is_black_behind() -> None:
+    """Behind glass, direct light alone is; behind a mask inside of a bump map, any."""
+    mask = {"type": "mask", "opacity": 0.5, "covers": {"type": "diffuse"}}
+    bumpy = {"type": "bumpmap", "bumps": {"type": "checkerboard"}, "covers": mask}
+    for bsdf, direct, whole in (
+        ({"type": "dielectric"}, ["SmoothDielectric"], []),
+        (bumpy, ["BumpMap"], ["BumpMap"]),
+        (mask, [], []),
+    ):
+        scene = mi.load_dict({"type": "scene", "ball": {"type": "sphere", "bsdf": bsdf}})
+        assert (dark_behind(scene, DIRECT), dark_behind(scene, 8)) == (direct, whole)
 
 
 @pytest.mark.parametrize("strata", [None, 4])

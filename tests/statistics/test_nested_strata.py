@@ -40,7 +40,10 @@ def scene(material: str = "diffuse", sampler: str = "independent", **more: Any) 
 @pytest.mark.parametrize(
     ("material", "sampler"),
     [
-        *((material, "multijitter") for material in SMOOTH),
+        *(
+            pytest.param(material, "multijitter", marks=() if material == "roughplastic" else SLOW)
+            for material in SMOOTH
+        ),
         pytest.param("plastic", "multijitter", marks=SLOW),
         ("diffuse", "independent"),
     ],
@@ -102,7 +105,7 @@ def test_launches_go_on_with_the_strata(monkeypatch: pytest.MonkeyPatch) -> None
     """Several launches of one render are unbiased and, together, as well stratified as a single one."""
     whole = mi.load_dict(close_up())
     at_once = runs(whole, OURS, 64, 2 * RUNS, 0)
-    monkeypatch.setattr("stratalux.integrators.automatic.image.LAUNCH", 24 * 16 * 16)
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", 24 * 16 * 16)
     in_parts = runs(whole, OURS, 64, 2 * RUNS, 50_000)
     assert_same_mean(in_parts, direct(close_up(), emitter_samples=4))
     assert in_parts.var(axis=0).mean() < 1.2 * at_once.var(axis=0).mean()

@@ -11,8 +11,8 @@ from stratalux.integrators.techniques import parse_technique, techniques
 from tests.helpers import assert_same_mean, lamp, reference, runs, scene_dict
 
 mi.set_variant("llvm_ad_rgb")
-OF_THEIR_OWN = ("direct", "stratified")
-"""The other side, and the one that has tests of its own."""
+OF_THEIR_OWN = ("direct", "stratified", "path-stratified")
+"""The other side, and those that have tests of their own."""
 UNBIASED = [name for name, technique in techniques().items() if technique.unbiased and name not in OF_THEIR_OWN]
 SLOW = pytest.mark.slow
 RUNS = 32

@@ -85,7 +85,7 @@ def test_a_sun() -> None:
     assert_same_mean(ours, direct(description))
 
 
-@pytest.mark.parametrize("variant", ["llvm_ad_mono", "llvm_ad_spectral"])
+@pytest.mark.parametrize("variant", [pytest.param("llvm_ad_mono", marks=pytest.mark.slow), "llvm_ad_spectral"])
 def test_other_variants(variant: str) -> None:
     mi.set_variant(variant)
     scene = mi.load_dict(scene_dict("roughplastic"))

@@ -147,7 +147,8 @@ def small_direct(material: str, texels: NDArray[np.float32] | None = None, **mor
 @pytest.mark.parametrize(
     ("material", "samples", "resolution", "spp"),
     [
-        *((material, 16, 16, 128) for material in ("diffuse", "roughplastic", "roughconductor")),
+        ("roughplastic", 16, 16, 128),
+        *(pytest.param(material, 16, 16, 128, marks=pytest.mark.slow) for material in ("diffuse", "roughconductor")),
         ("roughconductor", 1, 8, 512),
         *(pytest.param(material, 1, 8, 512, marks=pytest.mark.slow) for material in ("diffuse", "roughplastic")),
     ],
@@ -181,7 +182,7 @@ def test_with_an_area_light_and_delta_lobes() -> None:
     assert_same_mean(runs(scene, wavelet(16), 128, RUNS, 0), small_direct("plastic", lamp=lamp()))
 
 
-@pytest.mark.parametrize("variant", ["llvm_ad_mono", "llvm_ad_spectral"])
+@pytest.mark.parametrize("variant", ["llvm_ad_mono", pytest.param("llvm_ad_spectral", marks=pytest.mark.slow)])
 def test_other_variants(variant: str) -> None:
     mi.set_variant(variant)
     scene = small_scene("roughplastic")

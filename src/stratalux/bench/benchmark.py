@@ -18,8 +18,9 @@ from ..errors import InputError
 from ..images.files import check_name, check_writable
 from ..rendering.settings import MachineSettings
 from ..rendering.variants import choose_variant
+from ..scenes.mitsuba_xml import DIRECT
 from ..settings import documented
-from .candidates import OURS
+from .candidates import ours
 from .cases import Case, Suite, find_suite
 from .floor import CASE as FLOOR_CASE
 from .floor import measure_floor
@@ -53,9 +54,10 @@ def run(
     progress: Progress | None = None,
     **settings: Any,
 ) -> BenchResult:
-    """Measure how long the best of Mitsuba's ``direct`` needs for our error, over what we need.
+    """Measure how long the best of Mitsuba's ``direct``, or ``path``, needs for our error, over what we need.
 
-    ``suite``: "quick" (minutes), "full" (hours), or one of your own. ``assets``: folder to look through first; cases
+    ``suite``: "quick" (minutes), "full" (hours), "light" (the whole light),
+    or one of your own. ``assets``: folder to look through first; cases
     whose files are not there are left out, and noted. ``folder``: by default ``bench-SUITE``; gets ``results.json``
     and, in ``steps``, what an interrupted run resumes from: the steps of other code, of another machine or of other
     versions are not used. ``cache``: folder for references instead of the usual one. The ``variant`` stays active.
@@ -90,7 +92,7 @@ def run_suite(
     if not cases:
         raise InputError(f"no case has its files: {left_out[0]}; type: stratalux assets fetch")
     peer_cases, without = _at_hand(PEER_CASES if peers else (), assets)
-    floor_cases, bare = _at_hand((FLOOR_CASE,), assets)
+    floor_cases, bare = _at_hand((FLOOR_CASE,) if suite.depth == DIRECT else (), assets)
     left_out += [*(f"peers: {one}" for one in without), *(f"bare shadow rays: {one}" for one in bare)]
     _check(folder)
     variant = choose_variant(machine_settings.variant)
@@ -125,7 +127,11 @@ def run_suite(
         preparation.append(study.step(name, {"size": size}, work[size], _preparation(size)))
     measured = []
     for case in cases:
-        settings = {**settings_of(case, suite), "ours": OURS.label, "assets": [sizes[case.map], sizes[case.scene]]}
+        settings = {
+            **settings_of(case, suite),
+            "ours": ours(suite.depth).label,
+            "assets": [sizes[case.map], sizes[case.scene]],
+        }
 
         def compute(fraction: Callable[[float], None], case: Any = case) -> dict[str, Any]:
             gc.collect()  # kernels number what lives: beside an earlier scene, each would be compiled anew
@@ -153,6 +159,7 @@ def run_suite(
         floor=floor,
         preparation=tuple(preparation),
         peers=tuple(raced),
+        ours=ours(suite.depth),
     )
     result.write(folder / "results.json")
     return result

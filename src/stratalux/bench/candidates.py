@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from ..scenes.mitsuba_xml import DIRECT
 from ..scenes.stage import SAMPLERS
 from .cases import Suite
 
@@ -42,12 +43,31 @@ OURS = Configuration("stratified", "multijitter", "stratified")
 """The default of the package: nothing but the samples per pixel is chosen by the benchmark."""
 
 
-def mitsuba_configurations() -> tuple[Configuration, ...]:
+def ours(depth: int) -> Configuration:
+    """Ours, for paths of so many segments."""
+    if depth == DIRECT:
+        return OURS
+    return Configuration(f"path-stratified:max_depth={depth}", OURS.sampler, f"path-stratified, depth {depth}")
+
+
+def mitsuba_configurations(depth: int = DIRECT) -> tuple[Configuration, ...]:
     """Every split of ``direct`` with every sampler, and with the map's compensation wherever that is unbiased.
 
     Compensation takes density away from where the map is dark, which only BSDF samples can make good, and it has no
-    effect where the map is not sampled: it goes with both kinds of samples.
+    effect where the map is not sampled: it goes with both kinds of samples. For more segments than those of direct
+    light, ``path`` with every sampler, with compensation and without.
     """
+    if depth != DIRECT:
+        return tuple(
+            Configuration(
+                f"path:max_depth={depth}",
+                sampler,
+                f"path, depth {depth}{' compensated' if compensated else ''}, {sampler}",
+                compensated=compensated,
+            )
+            for sampler in SAMPLERS
+            for compensated in (False, True)
+        )
     return tuple(
         Configuration(
             f"direct:emitter_samples={emitter},bsdf_samples={bsdf}",

@@ -48,7 +48,8 @@ class Suite:
     to screen. ``most``: the ladder is continued up to there where it does not reach our error. ``screened``:
     configurations that get the second screening; ``finalists``: those that get curves. ``repeats``: seeds of every
     point. ``seconds``: of a case on two cores, for the progress alone. ``floor_spp``: samples of the bare-ray floor;
-    ``preparation``: (width, height) and regions of the maps whose preparation is timed, and the repeats.
+    ``preparation``: (width, height) and regions of the maps whose preparation is timed, and the repeats. ``depth``:
+    segments of a path, at most; 2 is direct light.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Suite:
     seconds: float
     floor_spp: int
     preparation: tuple[tuple[int, int, int, int], ...]
+    depth: int = 2
 
     @property
     def all_cases(self) -> tuple[Case, ...]:
@@ -120,7 +122,30 @@ FULL = Suite(
 )
 """Every map in every material in every scene."""
 
-SUITES = {suite.name: suite for suite in (QUICK, FULL)}
+LIGHT = Suite(
+    name="light",
+    cases=tuple(
+        Case(m, material, scene)
+        for material, scene in (("diffuse", "buddha"), ("plastic", "teapot"), ("metal", "buddha"))
+        for m in ("grace", "sky", "studio")
+    ),
+    open_cases=(),
+    size=(120, 80),
+    preview_size=(112, 84),
+    reference_spp=4096,
+    ladder=(16, 64, 256),
+    most=1024,
+    screened=4,
+    finalists=2,
+    repeats=2,
+    seconds=90.0,
+    floor_spp=16,
+    preparation=(),
+    depth=8,
+)
+"""The whole light, three maps in three materials."""
+
+SUITES = {suite.name: suite for suite in (QUICK, FULL, LIGHT)}
 
 
 def find_suite(suite: str | Suite) -> Suite:

@@ -19,7 +19,8 @@ from ..comparison.reference import SEED, SEED_STEP, Reference, find_reference, m
 from ..images.metrics import relative_mse
 from ..integrators.techniques import parse_technique
 from ..rendering.passes import render
-from .candidates import OURS, Configuration, Trial, mitsuba_configurations, search
+from ..scenes.mitsuba_xml import DIRECT
+from .candidates import Configuration, Trial, mitsuba_configurations, ours, search
 from .cases import Case, Suite
 from .race import Curve, envelope
 from .records import CaseResult, CurveRecord, Point
@@ -139,9 +140,11 @@ def measure_case(
     """Measure ``case``. ``cache``: folder for references instead of the usual one."""
     setting = load_setting(case, suite, assets)
     arena = Arena(setting)
-    truth = Truth(case, setting, reference_of(setting, suite.reference_spp, cache, lambda done: fraction(0.4 * done)))
+    reference = reference_of(setting, suite.reference_spp, cache, lambda done: fraction(0.4 * done), suite.depth)
+    truth = Truth(case, setting, reference)
 
-    configurations = mitsuba_configurations()
+    mine = ours(suite.depth)
+    configurations = mitsuba_configurations(suite.depth)
     total, tried = len(configurations) + suite.screened * _STEP, 0
 
     def screen(configuration: Configuration, budget: int) -> Trial:
@@ -158,10 +161,10 @@ def measure_case(
 
     trials, finalists = search(configurations, suite, screen)
     best = next(trial for trial in reversed(trials) if trial.configuration == finalists[0])
-    ladder = our_ladder(_cost(arena), [best.seconds * budget / best.budget for budget in suite.ladder])
+    ladder = our_ladder(_cost(arena, mine), [best.seconds * budget / best.budget for budget in suite.ladder])
     jobs: list[tuple[Configuration, int]] = []
     for spp, budget in zip(ladder, suite.ladder, strict=True):
-        asked = [(OURS, spp), *((finalist, finalist.spp(budget)) for finalist in finalists)]
+        asked = [(mine, spp), *((finalist, finalist.spp(budget)) for finalist in finalists)]
         jobs += [(configuration, arena.possible(configuration, count)) for configuration, count in asked]
     arena.rounds(jobs, suite.repeats, lambda done: fraction(0.6 + 0.3 * done))
     left = 0.1
@@ -169,8 +172,7 @@ def measure_case(
         left /= 2  # how many more there will be is not known
         arena.rounds(jobs, suite.repeats, lambda done: fraction(1 - 2 * left + left * done))  # noqa: B023
 
-    reference = truth.reference
-    preparation, compilation = arena.preparation[OURS]
+    preparation, compilation = arena.preparation[mine]
     return CaseResult(
         case=case,
         size=setting.size,
@@ -180,7 +182,7 @@ def measure_case(
         floors=truth.floors,
         reference=about_reference(reference),
         trials=tuple(trials),
-        ours=truth.record(arena, OURS),
+        ours=truth.record(arena, mine),
         theirs=tuple(truth.record(arena, finalist) for finalist in finalists),
         preparation_seconds=preparation,
         compile_seconds=compilation,
@@ -200,13 +202,13 @@ def our_ladder(cost: tuple[float, float], targets: Sequence[float]) -> list[int]
     return ladder
 
 
-def _cost(arena: Arena) -> tuple[float, float]:
+def _cost(arena: Arena, mine: Configuration) -> tuple[float, float]:
     """Fixed seconds of ours, and seconds of a sample per pixel, from two short renderings."""
     few, many = 1, 4
     seconds = {}
     for spp in (few, many):
-        arena.shoot(OURS, spp, arena.next_seed())  # compiles
-        shots = [arena.shoot(OURS, spp, arena.next_seed()) for _ in range(2)]
+        arena.shoot(mine, spp, arena.next_seed())  # compiles
+        shots = [arena.shoot(mine, spp, arena.next_seed()) for _ in range(2)]
         seconds[spp] = min(shot.seconds for shot in shots)
     each = max((seconds[many] - seconds[few]) / (many - few), seconds[many] / (4 * many))
     return max(0.0, seconds[few] - each), each
@@ -216,17 +218,18 @@ def _continuation(
     truth: Truth, arena: Arena, finalists: Sequence[Configuration], suite: Suite
 ) -> list[tuple[Configuration, int]]:
     """What to render so that our errors lie within theirs: another budget of the best of them, beside ours again."""
+    mine = ours(suite.depth)
     curves = {finalist.label: truth.curve(arena, finalist) for finalist in finalists}
     curves = {label: curve for label, curve in curves.items() if curve.points}
-    ours = truth.curve(arena, OURS).front
-    if not ours or not curves:
+    front = truth.curve(arena, mine).front
+    if not front or not curves:
         return []
     by_label = {finalist.label: finalist for finalist in finalists}
     counts: dict[Configuration, list[int]] = defaultdict(list)
     for configuration, spp in arena.shots:
         counts[configuration].append(spp)
     jobs: list[tuple[Configuration, int]] = []
-    for _, error in (ours[0], ours[-1]):
+    for _, error in (front[0], front[-1]):
         label, reach = envelope(curves, error)
         best = by_label[label]
         if not reach.outside:
@@ -237,14 +240,15 @@ def _continuation(
             continue
         spp = arena.possible(best, spp)
         if spp not in counts[best]:
-            jobs += [(OURS, min(counts[OURS]) if above else max(counts[OURS])), (best, spp)]
+            jobs += [(mine, min(counts[mine]) if above else max(counts[mine])), (best, spp)]
     return jobs
 
 
-def reference_of(setting: Setting, spp: int, cache: Path | None, progress: Fraction) -> Reference:
+def reference_of(setting: Setting, spp: int, cache: Path | None, progress: Fraction, depth: int = DIRECT) -> Reference:
     sensor = setting.cameras["multijitter"]
-    found = find_reference(setting.plain, REFERENCE, spp, sensor=sensor, cache=cache)
-    return found or make_reference(setting.plain, REFERENCE, spp, sensor=sensor, cache=cache, progress=progress)
+    estimator = REFERENCE if depth == DIRECT else {"type": "path", "max_depth": depth}
+    found = find_reference(setting.plain, estimator, spp, sensor=sensor, cache=cache)
+    return found or make_reference(setting.plain, estimator, spp, sensor=sensor, cache=cache, progress=progress)
 
 
 def about_reference(reference: Reference) -> dict[str, Any]:
@@ -259,4 +263,5 @@ def settings_of(case: Case, suite: Suite) -> dict[str, Any]:
         "case": case.name,
         "size": suite.preview_size if case.scene == "matpreview" else suite.size,
         **{name: getattr(suite, name) for name in names},
+        **({} if suite.depth == DIRECT else {"depth": suite.depth}),
     }

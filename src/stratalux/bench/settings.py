@@ -12,7 +12,10 @@ class BenchSettings(Settings):
     """What the benchmark measures, and where it finds and leaves things."""
 
     suite: str = option(
-        "quick", "quick: five cases, minutes; full: 100 cases, an hour.", "--suite", choices=("quick", "full")
+        "quick",
+        "quick: five cases, minutes; full: 100 cases, an hour; light: the whole light, nine cases.",
+        "--suite",
+        choices=("quick", "full", "light"),
     )
     folder: str | None = option(
         None, "Folder of the results.", "-o", "--output", metavar="FOLDER", default_text="bench-SUITE"

@@ -36,14 +36,15 @@ def bench(bench: BenchSettings, machine: MachineSettings, json_path: str | None,
     """Measure the default technique against the best of Mitsuba's own, at equal error, on real maps and meshes.
 
     The figure is the seconds that the best of Mitsuba's "direct" needs to reach our error, over ours: above 1, we are
-    ahead. Every sampler and split is tried for the other side. Cases whose files are missing are left out; stratalux
-    assets fetch brings them. The folder gets results.json and bench.svg, .png; a run that was interrupted goes on where
-    it was. Nothing else should run on the machine meanwhile.
+    ahead; of its "path" where the whole light is rendered. Every sampler and split is tried for the other side. Cases
+    whose files are missing are left out; stratalux assets fetch brings them. The folder gets results.json and
+    bench.svg, .png; a run that was interrupted goes on where it was. Nothing else should run on the machine meanwhile.
 
     \b
     Examples:
       stratalux bench
       stratalux bench --suite full -o out/bench
+      stratalux bench --suite light
       stratalux bench --peers
       stratalux bench -q --json - | jq .summary.surface
     """
@@ -79,7 +80,7 @@ def _print(result: BenchResult) -> None:
     from ..bench.records import REGIONS
 
     console = standard_output(_TABLE_WIDTH)
-    table = Table(title="Speed-up at equal error over the best of Mitsuba's direct", title_justify="left")
+    table = Table(title="Speed-up at equal error over the best of Mitsuba's own", title_justify="left")
     table.add_column("case")
     table.add_column("our spp", justify="right")
     table.add_column("our seconds", justify="right")

@@ -51,13 +51,15 @@ def render(
 ) -> None:
     """Render SCENE: a Mitsuba XML file, a model (.glb .gltf .usd .usdz .obj .ply .stl .off), or demo.
 
-    A model looks as its file says, and stands in its shadow on what is behind it. The integrator of an XML file is replaced by direct_stratified: direct light, of
-    which the samples per pixel are all there is to choose. Ctrl-C stops after the current pass and keeps what is done.
+    A model looks as its file says, and stands in its shadow on what is behind it. Light is traced by path_stratified,
+    with the depth and the other settings that the integrator of an XML file has, or by direct_stratified where that is
+    of direct light. Ctrl-C stops after the current pass and keeps what is done.
 
     \b
     Examples:
       stratalux render demo -o demo.exr -o demo.png
       stratalux render teapot.obj --env grace.exr --env-rotate flip --size 600x400 -o teapot.png
+      stratalux render demo --direct -o direct.png
       stratalux render teapot.obj --env grace.exr --orbit 120,30 --fov 50 -o side.png
       stratalux render truck.glb --env studio.hdr --orbit 60,20 --background blur:5 -o truck.jpg
       stratalux render part.stl --up z --env studio.hdr --material metal --strata 32 --proposals 8
@@ -104,12 +106,11 @@ def _passes(picture: PictureSettings, paths: list[Path], verbose: bool) -> Itera
     """The passes of a picture, whose scene is loaded; a bad name is told before that."""
     import mitsuba as mi
 
-    from ..integrators.techniques import parse_technique
-    from ..rendering.passes import activate, render_passes
+    from ..rendering.passes import activate, render_passes, technique_of
 
     activate(picture.machine)
     mi.set_log_level(mi.LogLevel.Info if verbose else mi.LogLevel.Error)
-    parse_technique(picture.sampling.technique)
+    technique_of(picture.sampling)
     return _checked(render_passes(picture), paths)
 
 

@@ -59,6 +59,10 @@ def write_image(
     _write(path, content)
 
 
+_APART = 2.0
+"""Stops between the exposure of an object and that of its picture, at most."""
+
+
 def write_developed(
     path: Path, colours: NDArray[np.float32], alpha: NDArray[np.float32] | None, output: PictureFileSettings
 ) -> None:
@@ -80,14 +84,17 @@ def jpeg(pixels: NDArray[np.uint8], quality: int = 85) -> bytes:
 def automatic_exposure(image: Image, mask: NDArray[np.bool_] | None = None) -> float:
     """The exposure in stops that a picture of ``image`` gets unless told: that of what alpha covers.
 
-    ``mask`` (H, W): pixels that count; all of them where none does.
+    ``mask`` (H, W): pixels that count before others. What is around them still has a say: the exposure stays within
+    :data:`_APART` stops of that of the whole picture, or something black would make all the rest white.
     """
-    meter = Meter()
     colours, alpha = _colours_and_alpha(*_channels(image))
-    if mask is not None and mask.any():
-        colours, alpha = colours[mask][None], None if alpha is None else alpha[mask][None]
-    add_to(meter, colours, alpha)
-    return meter.stops
+    whole = Meter()
+    add_to(whole, colours, alpha)
+    if mask is None or not mask.any():
+        return whole.stops
+    part = Meter()
+    add_to(part, colours[mask][None], None if alpha is None else alpha[mask][None])
+    return min(max(part.stops, whole.stops - _APART), whole.stops + _APART)
 
 
 def add_to(meter: Meter, colours: NDArray[np.float32], alpha: NDArray[np.float32] | None) -> None:

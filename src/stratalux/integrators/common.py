@@ -225,14 +225,10 @@ class DirectIntegrator(mi.SamplingIntegrator):
 
             def transmission(si: mi.SurfaceInteraction3f, T: mi.Spectrum) -> mi.Spectrum:
                 T = sight.catcher.transmission(si, ray.d, T) if sight.catcher is not None else T
-                return dr.select(_emits(si), 1, T) if self.hide_emitters else T
+                return dr.select(emits(si), 1, T) if self.hide_emitters else T
 
             return first_surface(scene, ray, sampler.next_1d(active), transmission, not self.hide_emitters, active)
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
-        if self.hide_emitters:
-            hidden = active & si.is_valid() & _emits(si)
-            behind = self.skip_area_emitters(scene, si.spawn_ray(ray.d), True, hidden)
-            si = dr.select(hidden, behind.compute_surface_interaction(ray, mi.RayFlags.All, hidden), si)
         return Arrival(si)
 
 
@@ -337,7 +333,7 @@ def by_identity(pointers: Any, values: mi.UInt32, default: int, another: tuple[A
     return table
 
 
-def _emits(si: mi.SurfaceInteraction3f) -> mi.Bool:
+def emits(si: mi.SurfaceInteraction3f) -> mi.Bool:
     return si.shape.emitter() != None  # noqa: E711
 
 

@@ -26,10 +26,12 @@ TECHNIQUES = (
     Technique(
         name="path",
         plugin="path",
-        summary="Mitsuba's path tracer, one bounce: one emitter and one BSDF sample under MIS",
+        summary="Mitsuba's path tracer: one emitter and one BSDF sample under MIS; by itself, one bounce",
         source="Mitsuba 3",
         unbiased=True,
-        fixed={"max_depth": 2},
+        properties={
+            "max_depth": Property(2, "segments of a path, at most: 2 is direct light; -1: no limit", minimum=-1),
+        },
         rays_per_sample=2,
     ),
 )

@@ -81,10 +81,10 @@ class OtherEmitters:
             return dr.select(active, weight * self._found_straight(scene, si, ray, bs.pdf, delta, active), 0)
         with dr.suspend_grad():
             hit = scene.ray_intersect(ray, active)
-        value, mis, active = self._found(scene, si, hit, bs.pdf, delta, active)
+        value, mis, active = self.found(scene, si, hit, bs.pdf, delta, active)
         return dr.select(active, weight * value * mis, 0)
 
-    def _found(
+    def found(
         self,
         scene: mi.Scene,
         si: mi.SurfaceInteraction3f,
@@ -123,7 +123,7 @@ class OtherEmitters:
         while dr.hint(going, max_iterations=SUM):
             with dr.suspend_grad():
                 hit = scene.ray_intersect(ray, going)
-            value, mis, lit = self._found(scene, si, hit, bsdf_pdf, delta, going)
+            value, mis, lit = self.found(scene, si, hit, bsdf_pdf, delta, going)
             L += dr.select(lit, V * value * mis, 0)
             layers += 1
             with dr.suspend_grad():

@@ -16,6 +16,7 @@ INTEGRATORS = (
     "direct_importance",
     "direct_wavelet",
     "direct_lights",
+    "path_stratified",
     "mitsuba_own",
 )
 """Modules of ``stratalux.integrators``, a line each. A module lists its ``TECHNIQUES``, and in ``PLUGINS`` the
@@ -31,7 +32,12 @@ _SHARED = (
     "stratalux.integrators.automatic.nested_strata",
     "stratalux.integrators.automatic.sample",
     "stratalux.integrators.automatic.launch",
+    "stratalux.integrators.automatic.view",
     "stratalux.integrators.automatic.image",
+    "stratalux.integrators.indirect.vertex",
+    "stratalux.integrators.indirect.paths",
+    "stratalux.integrators.indirect.launch",
+    "stratalux.integrators.indirect.image",
 )
 _loaded_for: str | None = None
 

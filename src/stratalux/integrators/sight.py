@@ -29,7 +29,8 @@ class Sight:
         self.catcher = catcher
         self.masks = lets_through(scene)
         self.obstacles = Obstacles(scene) if self.masks else None
-        self.straight = self.masks or catcher is not None
+        hides_lamps = hidden and any(shape.is_emitter() for shape in scene.shapes())
+        self.straight = self.masks or catcher is not None or hides_lamps
         self.backdrop = _backdrop(scene, background, sensor)
         if catcher is not None and self.backdrop is None:
             self.backdrop = Nothing() if hidden else Light(scene.environment())

@@ -20,7 +20,8 @@ Value = bool | int | float | str
 class Property:
     """A property of an integrator: its default, which also gives its type, and what it means.
 
-    ``minimum`` and ``maximum`` bound numbers, which are counts; ``choices`` lists the admissible strings.
+    ``minimum`` and ``maximum`` bound numbers, which are counts, and some may be ``barred``, for a reason; ``choices``
+    lists the admissible strings.
     """
 
     default: Value
@@ -28,6 +29,7 @@ class Property:
     minimum: float | None = None
     choices: tuple[str, ...] = ()
     maximum: float = 1 << 20
+    barred: Mapping[Value, str] = field(default_factory=dict)
 
     def parse(self, text: str, name: str) -> Value:
         """The value that ``text`` denotes; raises :class:`InputError`."""
@@ -49,6 +51,8 @@ class Property:
             raise InputError(f"{name}: {value!r} is too small; give at least {self.minimum:g}")
         if not isinstance(value, str) and value > self.maximum:
             raise InputError(f"{name}: {value!r} is too large; give at most {self.maximum:.10g}")
+        if value in self.barred:
+            raise InputError(f"{name}: {value!r} {self.barred[value]}")
         if self.choices and value not in self.choices:
             raise InputError(f"{name}: '{value}' is unknown; use one of {', '.join(self.choices)}")
         return value

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,16 +17,26 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, SceneWarning
 from ..images.files import is_picture
 from ..images.settings import OutputSettings
 from ..images.writing import automatic_exposure, write_image
-from ..integrators.techniques import Value, parse_technique
+from ..integrators.accelerate import description_of
+from ..integrators.techniques import Technique, Value, parse_technique
 from ..scenes.camera import own_camera
 from ..scenes.load import Loaded, load
+from ..scenes.mitsuba_xml import DIRECT, dark_behind
 from ..scenes.surroundings import object_pixels
 from ..settings import documented
-from .settings import GROUPS, LARGEST_SEED, METADATA, MachineSettings, PictureSettings, SamplingSettings
+from .settings import (
+    GROUPS,
+    LARGEST_SEED,
+    METADATA,
+    USUAL_DEPTH,
+    MachineSettings,
+    PictureSettings,
+    SamplingSettings,
+)
 from .variants import choose_variant, why_not
 
 _SAMPLES_PER_PASS = 1 << 25
@@ -129,12 +140,16 @@ def render_passes(
     picture = scene if isinstance(scene, PictureSettings) else _settings(scene, settings)
     shown = picture.scene
     if shown is None:
-        return _render_passes(Loaded(scene, camera=own_camera(picture.camera, scene)), picture, integrator)
+        loaded = Loaded(scene, _described(scene), own_camera(picture.camera, scene))
+        return _render_passes(loaded, picture, integrator)
     picture = replace(picture, machine=activate(picture.machine))
     loaded = load(shown, picture.camera, picture.machine.max_memory)
-    if loaded.hide_emitters:
-        picture = replace(picture, sampling=replace(picture.sampling, hide_emitters=True))
     return _render_passes(loaded, picture, integrator)
+
+
+def _described(scene: Any) -> dict[str, Any] | None:
+    own = scene.integrator()
+    return None if own is None else description_of(own)
 
 
 def _settings(scene: Any, settings: dict[str, Any]) -> PictureSettings:
@@ -154,6 +169,8 @@ def _render_passes(
     loaded: Loaded, picture: PictureSettings, integrator: mi.Integrator | None
 ) -> Iterator[RenderResult]:
     scene = loaded.scene
+    if loaded.integrator and loaded.integrator.get("hide_emitters"):
+        picture = replace(picture, sampling=replace(picture.sampling, hide_emitters=True))
     if mi.variant() is None or mi.variant().startswith("scalar"):
         raise InputError(
             f"variant {mi.variant()}: rendering needs a vectorised one; mitsuba.set_variant('llvm_ad_rgb')"
@@ -164,7 +181,7 @@ def _render_passes(
     rays_per_sample = 2
     own = integrator is not None
     if integrator is None:
-        integrator, about, rays_per_sample = _integrator(sampling, loaded.properties)
+        integrator, about, rays_per_sample = _integrator(sampling, loaded)
     film = camera.film()
     spp = sampling.spp or camera.sampler().sample_count()
     picture = replace(
@@ -209,18 +226,46 @@ def _render_passes(
         )
 
 
-def _integrator(
-    sampling: SamplingSettings, surroundings: Mapping[str, Any]
-) -> tuple[mi.Integrator, dict[str, Value], int]:
-    """The integrator of a technique, its properties by name, and its shadow rays for a camera sample.
+def _integrator(sampling: SamplingSettings, loaded: Loaded) -> tuple[mi.Integrator, dict[str, Value], int]:
+    """The integrator of a technique, its properties by name, and its shadow rays for a camera sample."""
+    technique, given = technique_of(sampling, loaded.integrator)
+    depth = int(given.get("max_depth", -1)) if "max_depth" in technique.properties else DIRECT
+    if names := dark_behind(loaded.scene, depth):
+        why = "direct light ends at the first surface" if depth == DIRECT else "it does not tell what it lets through"
+        warnings.warn(f"what is behind {', '.join(names)} is black: {why}", SceneWarning, stacklevel=2)
+    settings = {**technique.integrator(given), **loaded.properties, "hide_emitters": sampling.hide_emitters}
+    return (
+        mi.load_dict(settings),
+        {"technique": technique.name, **technique.settings(given)},
+        technique.shadow_rays(given),
+    )
 
-    ``surroundings``: properties for what is behind and below.
+
+def technique_of(
+    sampling: SamplingSettings, own: Mapping[str, Any] | None = None
+) -> tuple[Technique, dict[str, Value]]:
+    """The technique that settings ask for, and its properties that are given; raises :class:`InputError`.
+
+    ``own``: the description of the scene's integrator, for what they leave open.
     """
-    technique, given = parse_technique(sampling.technique)
-    short = (("strata", sampling.strata), ("proposals", sampling.proposals))
-    given |= {key: n for key, n in short if n is not None}
-    integrator = mi.load_dict({**technique.integrator(given), **surroundings, "hide_emitters": sampling.hide_emitters})
-    return integrator, {"technique": technique.name, **technique.settings(given)}, technique.shadow_rays(given)
+    pinned = {key: n for key, n in (("strata", sampling.strata), ("proposals", sampling.proposals)) if n is not None}
+    own = own or {"type": "path", "max_depth": USUAL_DEPTH}
+    if sampling.technique is not None:
+        technique, given = parse_technique(sampling.technique)
+    elif sampling.direct or pinned or (own["type"] == "direct" and sampling.max_depth is None):
+        technique, given = parse_technique("stratified")
+    else:
+        technique, given = parse_technique("path-stratified")
+        given = {key: own[key] for key in technique.properties if key in own}
+    if sampling.direct and "max_depth" in technique.properties:
+        raise InputError(f"direct: {technique.name} is the whole light; leave one of them out")
+    if sampling.max_depth is not None and not (sampling.direct and sampling.max_depth == DIRECT):
+        if "max_depth" not in technique.properties:
+            raise InputError(f"max_depth: {technique.name} is direct light, of depth 2; leave one of them out")
+        given["max_depth"] = sampling.max_depth
+    given |= pinned
+    technique.settings(given)
+    return technique, given
 
 
 def _passes(

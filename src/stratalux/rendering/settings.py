@@ -18,6 +18,9 @@ METADATA = "stratalux"
 
 LARGEST_SEED = (1 << 32) - 1
 MOST_SAMPLES = 1 << 30
+MOST_SEGMENTS = 1 << 20
+USUAL_DEPTH = 8
+"""Of paths, where nothing tells: what is reflected seven times."""
 MOST_STRATA, MOST_PROPOSALS = 1 << 20, 1 << 16
 
 
@@ -25,12 +28,22 @@ MOST_STRATA, MOST_PROPOSALS = 1 << 20, 1 << 16
 class SamplingSettings(Settings):
     """How it is sampled."""
 
-    technique: str = option(
-        "stratified",
+    technique: str | None = option(
+        None,
         "How light is sampled: NAME[:key=value,...], see stratalux techniques.",
         "-t",
         "--technique",
         metavar="NAME[:key=value,...]",
+        default_text="path-stratified; stratified for direct light",
+    )
+    direct: bool = option(False, "Direct light alone, without what is reflected between surfaces.", "--direct")
+    max_depth: int | None = option(
+        None,
+        "Segments of a path from the camera to a light, at most: 2 is direct light, -1 no limit.",
+        "--max-depth",
+        minimum=-1,
+        maximum=MOST_SEGMENTS,
+        default_text=f"the scene's own, or {USUAL_DEPTH}",
     )
     strata: int | None = option(
         None, "Pin the scheme of the paper, with N regions.", "-N", "--strata", minimum=1, maximum=MOST_STRATA

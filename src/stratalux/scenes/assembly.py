@@ -130,7 +130,6 @@ def to_mitsuba(mesh: TriangleMesh, bsdf: Any, name: str, sets: Sets | None = Non
     """
     props = mi.Properties()
     props.set_id(name)
-    props["bsdf"] = mi.load_dict(bsdf) if isinstance(bsdf, dict) else bsdf
     if emitter is not None:
         props["emitter"] = mi.load_dict(emitter)
     main = _main(sets) if sets and mesh.attributes else None
@@ -150,6 +149,8 @@ def to_mitsuba(mesh: TriangleMesh, bsdf: Any, name: str, sets: Sets | None = Non
     if main is not None:
         params["vertex_texcoords"] = mesh.attributes[main].ravel()
     params.update()
+    # Only now: an update of a shape makes copies of the textures that are on it.
+    shape.set_bsdf(mi.load_dict(bsdf) if isinstance(bsdf, dict) else bsdf)
     for number, attribute in (sets or {}).items():
         if attribute is not None:
             uv = mesh.attributes[f"uv{number or ''}"]

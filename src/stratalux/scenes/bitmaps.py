@@ -76,7 +76,10 @@ class Bitmaps:
         return None if texels is None else _decoded(texels, texture, channels)
 
     def of_pixels(self, pixels: NDArray[Any], texture: Texture, sets: Mapping[int, str | None], colour: bool) -> Any:
-        """A texture of given pixels (H, W) or (H, W, 3) that lies as `texture` does."""
+        """A texture of given pixels (H, W) or (H, W, 3) that lies as `texture` does.
+
+        `colour`: whether they are colours rather than numbers; of 8 bits, colours follow the curve of sRGB.
+        """
         if pixels.dtype.kind == "f" and np.abs(pixels).max(initial=0) < _LARGEST_HALF:
             pixels = pixels.astype(np.float16)
         same = texture.wrap[0] == texture.wrap[1]
@@ -86,6 +89,7 @@ class Bitmaps:
                 "type": "bitmap",
                 "bitmap": mi.Bitmap(np.ascontiguousarray(pixels)),
                 "raw": not colour,
+                "format": "variant" if pixels.dtype == np.float32 else "fp16",
                 "filter_type": "nearest" if texture.nearest else "bilinear",
                 "wrap_mode": texture.wrap[0] if same else "repeat",
                 "to_uv": mi.ScalarTransform3f([[a, b, c], [d, e, f], [0, 0, 1]]),
@@ -114,10 +118,16 @@ class Bitmaps:
             texels = self._read(texture.picture)
             if texels is None:
                 return None
-            pixels = _decoded(texels, texture, channels)
-            pixels = pixels * np.asarray(value.factor, dtype=np.float32) + np.asarray(value.offset, dtype=np.float32)
-            pixels = np.clip(pixels, 0, largest)
-            self._made[key] = self.of_pixels(pixels, texture, sets, channels == "rgb")
+            curved = _is_curved(texels, texture, channels)
+            plain = set(value.factor) == {1.0} and set(value.offset) == {0.0} and texels.pixels.dtype == np.uint8
+            if plain and (curved or channels != "rgb" or not mi.is_spectral):
+                codes = texels.colours() if channels == "rgb" else texels.channel(channels)
+                self._made[key] = self.of_pixels(codes, texture, sets, curved)
+            else:
+                pixels = _decoded(texels, texture, channels)
+                factor, offset = (np.asarray(x, dtype=np.float32) for x in (value.factor, value.offset))
+                pixels = np.clip(pixels * factor + offset, 0, largest)
+                self._made[key] = self.of_pixels(pixels, texture, sets, channels == "rgb")
         return self._made[key]
 
     def _read(self, picture: Picture) -> Texels | None:
@@ -142,7 +152,7 @@ class Bitmaps:
 def _decoded(texels: Texels, texture: Texture, channels: str) -> NDArray[np.float32]:
     """Numbers (H, W), or linear colours (H, W, 3), of what an image holds."""
     chosen = texels.colours() if channels == "rgb" else texels.channel(channels)
-    curved = channels != "a" and (texture.curve == "srgb" or (texture.curve == "auto" and texels.srgb))
+    curved = _is_curved(texels, texture, channels)
     if chosen.dtype == np.uint8:
         table: NDArray[np.float32] = np.linspace(0, 1, 256, dtype=np.float32)[:, None, None]
         if curved:
@@ -155,6 +165,11 @@ def _decoded(texels: Texels, texture: Texture, channels: str) -> NDArray[np.floa
     if curved:
         decode(pixels, "srgb")
     return pixels
+
+
+def _is_curved(texels: Texels, texture: Texture, channels: str) -> bool:
+    """Whether the channels of an image follow the curve of sRGB."""
+    return channels != "a" and (texture.curve == "srgb" or (texture.curve == "auto" and texels.srgb))
 
 
 def _clipped(colour: NDArray[Any], largest: float | None) -> list[float]:

@@ -33,9 +33,8 @@ def _kind(variant: str) -> Any:
         def __init__(self, given: dict[str, Any]) -> None:
             super().__init__(mi.Properties())
             self.nested = mi.load_dict(given)
-            self.base, self.eta = given["base_color"], given["eta"]
-            self.roughness = given["roughness"]
-            self.metallic, self.transmission = given.get("metallic", 0.0), given.get("spec_trans", 0.0)
+            self.base, self.eta, self.roughness = (_opaque(given[key]) for key in ("base_color", "eta", "roughness"))
+            self.metallic, self.transmission = (_opaque(given.get(key, 0.0)) for key in ("metallic", "spec_trans"))
             self.m_components = [self.nested.flags(k) for k in range(self.nested.component_count())]
             self.m_flags = self.nested.flags()
 
@@ -78,7 +77,7 @@ def _kind(variant: str) -> Any:
             F_i, F_o = _schlick(cos_i), _schlick(cos_o)
             R = 2 * _number(self.roughness, si, active) * cos_d * cos_d
             disney = (1 - 0.5 * F_i) * (1 - 0.5 * F_o) + R * (F_o + F_i + F_o * F_i * (R - 1))
-            F = 0.0 if self.eta == 1 else mi.fresnel(cos_d, self.eta)[0]
+            F = mi.fresnel(cos_d, self.eta)[0]
             value = self.base.eval(si, active) * (matte * cos_o / dr.pi * (1 - F - disney))
             return dr.select(active, value, 0)
 
@@ -88,8 +87,13 @@ def _kind(variant: str) -> Any:
     return Lambertian
 
 
+def _opaque(value: Any) -> Any:
+    """A number as an input of kernels, in which materials that differ in numbers alone are then one."""
+    return dr.opaque(mi.Float, value) if isinstance(value, float) else value
+
+
 def _number(value: Any, si: mi.SurfaceInteraction3f, active: Any) -> Any:
-    return value if isinstance(value, float) else value.eval_1(si, active)
+    return value.eval_1(si, active) if isinstance(value, mi.Texture) else value
 
 
 def _schlick(cos: mi.Float) -> mi.Float:

@@ -60,14 +60,14 @@ def load_scene(
 
 @dataclass(frozen=True)
 class Loaded:
-    """A scene, and what its file says besides: ``hide_emitters``, of the integrator that is replaced.
+    """A scene, and what its file says besides: ``integrator``, the description of one of Mitsuba's.
 
     ``camera``: index of the sensor that is asked for. ``measure``: how large the object is, in words.
     ``properties``: of the integrator, for what is behind and below.
     """
 
     scene: mi.Scene
-    hide_emitters: bool = False
+    integrator: Mapping[str, Any] | None = None
     camera: int = 0
     measure: str = ""
     properties: Mapping[str, Any] = field(default_factory=dict)
@@ -81,7 +81,8 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
     emitter = None if environment is None else envmap(environment)
     path, size = Path(shown.source), camera.size or USUAL_SIZE
     suffix = path.suffix.lower()
-    hide_emitters, chosen, measure, below = False, 0, "", shown.ground
+    integrator: dict[str, Any] | None = None
+    chosen, measure, below = 0, "", shown.ground
     if shown.source == "demo":
         staged = _seen(camera, demo_scene(size, emitter=emitter), size)
         if shown.ground is not None:
@@ -94,7 +95,7 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
         if shown.ground is not None:
             raise InputError("ground: a Mitsuba scene has what it stands on; leave it out")
         bitmap = emitter and emitter["bitmap"]
-        scene, hide_emitters = load_xml(path, bitmap, camera.size, shown.definitions, max_memory)
+        scene, integrator = load_xml(path, bitmap, camera.size, shown.definitions, max_memory)
         chosen = own_camera(camera, scene)
     elif suffix in FORMATS:
         found = load_object(path, shown.up)
@@ -106,7 +107,7 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
         raise InputError(f"{path}: unknown kind of scene; give {known}, or demo")
     _orient(scene, shown.rotate, shown.scale, ENV_FRAMES[shown.env_frame])
     properties = _properties(scene, shown, chosen, below == "catcher", max_memory)
-    return Loaded(scene, hide_emitters, chosen, measure, properties)
+    return Loaded(scene, integrator, chosen, measure, properties)
 
 
 def _properties(

@@ -72,12 +72,18 @@ class Looks:
 
     def _bsdf(self, material: Material, sets: Sets, colours: bool, mirrored: bool) -> Any:
         if material.unlit:
-            bsdf: Any = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
+            black = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
+            bsdf: Any = {"type": "twosided", "bsdf": black}
         else:
-            made = self._surface(material, sets, colours)
-            bsdf = self._bent(material, sets, mirrored, lambertian(made) if made["type"] == "principled" else made)
-        if material.unlit or not _lets_through(material):
-            bsdf = {"type": "twosided", "bsdf": bsdf}
+            surface = self._surface(material, sets, colours)
+            if surface["type"] == "principled":
+                surface = lambertian(surface)
+            bsdf = self._bent(material, sets, mirrored, surface)
+            if not _lets_through(material):
+                bsdf = {"type": "twosided", "front": bsdf}
+                # Mitsuba turns what a normal has along z only, and of a dent that is seen from behind, all is turned.
+                if material.double_sided and bsdf["front"] is not surface:
+                    bsdf["back"] = self._bent(material, sets, mirrored, surface, -1)
         return self._covered(material, sets, colours, bsdf)
 
     def _covered(self, material: Material, sets: Sets, colours: bool, bsdf: Any) -> Any:
@@ -95,21 +101,21 @@ class Looks:
             opacity = at_least(opacity, material.alpha_cutoff)
         return {"type": "mask", "opacity": opacity, "bsdf": bsdf}
 
-    def _bent(self, material: Material, sets: Sets, mirrored: bool, bsdf: Any) -> Any:
-        """With the normals or the bumps that the material has."""
+    def _bent(self, material: Material, sets: Sets, mirrored: bool, bsdf: Any, side: int = 1) -> Any:
+        """With the normals or the bumps that the material has. `side`: 1 for its front, -1 for its back."""
         if material.clearcoat_normal is not None:
             self.left_out.add("normal maps of coats")
         if material.normal is not None:
-            texture = self._normals(material.normal, sets, mirrored)
+            texture = self._normals(material.normal, sets, mirrored, side)
             return bsdf if texture is None else {"type": "normalmap", "normalmap": texture, "bsdf": bsdf}
         if material.bump is not None:
             height = self._bitmaps.number(Value((1.0,), material.bump.texture, material.bump.channels), sets)
             if not isinstance(height, float):
-                scale = float(material.bump.factor[0])
+                scale = side * float(material.bump.factor[0])
                 return {"type": "bumpmap", "arbitrary": height, "scale": scale, "bsdf": bsdf}
         return bsdf
 
-    def _normals(self, value: Value, sets: Sets, mirrored: bool) -> Any:
+    def _normals(self, value: Value, sets: Sets, mirrored: bool, side: int) -> Any:
         """The texture of a map of normals, scaled; None if there is none to be had."""
         texture = value.texture
         if texture is None or texture.uv_set not in sets:
@@ -118,7 +124,7 @@ class Looks:
         if texels is None:
             return None
         normals = 2 * texels - 1
-        normals[..., :2] *= np.broadcast_to(np.asarray(value.factor, dtype=np.float32)[:2], 2)
+        normals[..., :2] *= np.broadcast_to(np.asarray(value.factor, dtype=np.float32)[:2], 2) * side
         if mirrored:
             normals[..., 1] *= -1
         length = np.linalg.norm(normals, axis=2, keepdims=True)

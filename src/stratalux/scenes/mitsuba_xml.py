@@ -18,7 +18,12 @@ from .xml_images import read_images
 ENVIRONMENT_PLUGINS = ("envmap", "constant", "sunsky", "sky", "sun")
 
 _DIRECT = ("direct", "direct_stratified", "direct_importance", "direct_wavelet", "direct_lights")
-"""Integrators of which nothing is lost when another one of direct light takes their place."""
+"""Integrators of direct light."""
+_WHOLE = ("path", "path_stratified")
+_AROUND = {"aov": "AOVs", "moment": "moments"}
+"""What has an integrator inside, and what it adds."""
+DIRECT = 2
+"""Segments of a path of direct light."""
 _SEE_THROUGH = ("DeltaTransmission", "GlossyTransmission")
 _WRAPPERS = ("BumpMap", "NormalMap")
 """Of Mitsuba 3.9, these do not tell how much a mask inside of them lets through; a mask around them does."""
@@ -30,8 +35,8 @@ def load_xml(
     size: tuple[int, int] | None,
     parameters: Mapping[str, str],
     max_memory: int | None = None,
-) -> tuple[mi.Scene, bool]:
-    """Load a scene; with it, whether its integrator hides emitters.
+) -> tuple[mi.Scene, dict[str, Any] | None]:
+    """Load a scene; with it, its integrator: ``direct`` or ``path`` with what its settings mean, None without one.
 
     ``environment``: bitmap of a map that replaces the scene's own. ``size``: of the film in pixels. ``max_memory``: see
     :func:`.xml_images.read_images`.
@@ -49,7 +54,7 @@ def load_xml(
         mi.parser.transform_all(config, state)
         check_objects(state)
         _set_films(path, state, size)
-        hide_emitters = _integrator(path, state)
+        integrator = _integrator(path, state)
         if environment is not None:
             _put_environment(state, environment)
         read_images(state, max_memory)
@@ -68,8 +73,7 @@ def load_xml(
     if not scene.sensors():
         raise InputError(f"{path}: the scene has no sensor; add one")
     check_filters(path, scene)
-    _tell_what_lets_light_through(path, scene)
-    return scene, hide_emitters
+    return scene, integrator
 
 
 def _set_films(path: Path, state: mi.parser.ParserState, size: tuple[int, int] | None) -> None:
@@ -90,41 +94,36 @@ def _set_films(path: Path, state: mi.parser.ParserState, size: tuple[int, int] |
             raise InputError(f"{path}: a film of {width}x{height} is too large; {MOST_PIXELS} pixels are the most")
 
 
-def _integrator(path: Path, state: mi.parser.ParserState) -> bool:
-    """Tell what of the scene's integrator is not shown; whether it hides emitters."""
-    hide = False
+def _integrator(path: Path, state: mi.parser.ParserState) -> dict[str, Any] | None:
+    """What the scene's integrator is for; tells what of it is not shown."""
+    found: dict[str, Any] | None = None
     for node in state.nodes:
         if node.type != mi.ObjectType.Integrator:
             continue
         name = node.props.plugin_name()
-        hide = hide or bool(node.props.get("hide_emitters", False))
-        depth = node.props.get("max_depth", -1)
-        if name == "aov":
-            asked = node.props.get("aovs", "")
-            warnings.warn(f"{path}: its AOVs ({asked}) are left out; only the image is rendered", SceneWarning, 4)
-        elif name not in _DIRECT and not (name in ("path", "volpath") and depth == 2):
+        if name in _AROUND:
+            what = f"{_AROUND[name]} ({node.props.get('aovs', '')})" if name == "aov" else _AROUND[name]
+            warnings.warn(f"{path}: its {what} are left out; only the image is rendered", SceneWarning, 4)
+            continue
+        if found is not None:
             warnings.warn(
-                f"{path}: its integrator '{name}' is replaced: direct light only, without what is reflected between "
-                "surfaces",
-                SceneWarning,
-                4,
+                f"{path}: it has several integrators; only the first one's image is rendered", SceneWarning, 4
             )
-    return hide
+            break
+        if name not in (*_DIRECT, *_WHOLE):
+            warnings.warn(f"{path}: its integrator '{name}' is replaced by path tracing", SceneWarning, 4)
+        kept = ("hide_emitters",) if name in _DIRECT else ("max_depth", "rr_depth", "hide_emitters")
+        found = {"type": "direct" if name in _DIRECT else "path"}
+        found |= {key: node.props[key] for key in kept if key in node.props}
+    return found
 
 
-def _tell_what_lets_light_through(path: Path, scene: mi.Scene) -> None:
-    """Direct light sees nothing behind glass; through masks it goes straight on."""
+def dark_behind(scene: mi.Scene, depth: int) -> list[str]:
+    """Kinds of surfaces that light passes, and behind which all is black with paths of so many segments, -1 for any."""
     flags = 0
-    for flag in _SEE_THROUGH:
+    for flag in _SEE_THROUGH if depth == DIRECT else ():
         flags |= int(getattr(mi.BSDFFlags, flag))
-    names = sorted({name for shape in scene.shapes() for name in _see_through(shape.bsdf(), flags)})
-    if names:
-        warnings.warn(
-            f"{path}: what is behind {', '.join(names)} is black, and much darker than with path: direct light ends at "
-            "the first surface",
-            SceneWarning,
-            4,
-        )
+    return sorted({name for shape in scene.shapes() for name in _see_through(shape.bsdf(), flags)})
 
 
 def _see_through(bsdf: mi.BSDF | None, flags: int) -> Iterator[str]:

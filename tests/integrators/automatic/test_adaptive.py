@@ -84,7 +84,7 @@ def test_black_images_and_images_without_error_are_sampled_evenly() -> None:
     st.integers(0, 63),
     st.integers(0, 39),
     st.integers(0, 2),
-    st.sampled_from([0.0, -3.0, 1.0, 1e4, 1e9, 1e15]),
+    st.sampled_from([0.0, -3.0, 1.0, 1e4, 1e9, 1e15, 1e30]),
     st.integers(0, 2**32 - 1),
     st.booleans(),
 )
@@ -101,6 +101,19 @@ def test_a_count_does_not_depend_on_the_samples_of_its_pixel(
     first, second = (plan(*images, 0.1, 16, 2, footprint, marks) for images in (before, after))
     for a, b in zip(first, second, strict=True):
         assert a[y, x] == b[y, x]
+
+
+@pytest.mark.parametrize("parts", [1, 4])
+@pytest.mark.parametrize("value", [1e20, 3e38])
+def test_what_is_too_bright_for_squares_ends_nothing(value: float, parts: int) -> None:
+    """Counts are within the budget, take no memory to speak of, and are most around such a pixel."""
+    images, difference = pilot(64, 80, 3, parts), pilot(64, 80, 4, parts) - 100
+    with np.errstate(over="ignore"):
+        images[0, 20, 30], difference[0, 20, 30] = value, -value
+    counts, share = plan(images, difference, 0.1, 16, 2)
+    assert 0.6 * 16 < counts.mean() < 1.4 * 16
+    assert np.isfinite(share).all() and share.min() >= 0 and share.max() <= 1
+    assert counts[19:22, 29:32].sum() - counts[20, 30] == 8 * counts.max()
 
 
 def test_the_share_of_a_variate_is_the_best_one() -> None:

@@ -77,7 +77,7 @@ def test_a_pilot_shares_samples_of_the_map_only_if_all_launches_do(
     room: int, launches: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Else what neighbours have in common would tell of the pixel's own error, and choose its samples by it."""
-    monkeypatch.setattr("stratalux.integrators.automatic.image.LAUNCH", room)
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", room)
     mi.render(mi.load_dict(scene_dict("diffuse")), integrator=mi.load_dict(OURS), spp=16)
     pilot, *later = (None if launch.shared is None else launch.shared.index for launch in launches)
     if len(later) == 1:

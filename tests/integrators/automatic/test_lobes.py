@@ -55,7 +55,7 @@ def test_rows_follow_the_concentration(bsdf: dict[str, Any], row: int) -> None:
     from stratalux.integrators.automatic.lobes import ROWS, Allocation, _rows
 
     lit = scene({"type": "diffuse"}, bsdf, {"type": "diffuse", "reflectance": 0.2})
-    _, rows = _rows(lit)
+    _, rows = _rows(lit, None)
     at = [shape.class_name() for shape in lit.shapes()].index("Cube")
     found = rows.numpy().tolist()
     assert found.pop(at) == row and found == [0, 0]
@@ -76,7 +76,7 @@ def test_scenes_of_one_shape_or_none(count: int, rows: list[int]) -> None:
 
     ball = {"ball": {"type": "sphere", "bsdf": {**CONDUCTOR, "alpha": 0.14}}}
     lit = mi.load_dict({"type": "scene", "sky": scene_dict()["sky"], **(ball if count else {})})
-    assert _rows(lit)[1].numpy().tolist() == rows
+    assert _rows(lit, None)[1].numpy().tolist() == rows
 
 
 def test_what_is_not_known_counts_as_both_matte_and_glossy() -> None:

@@ -22,9 +22,9 @@ def test_the_polynomial_is_that_of_the_clamped_cosine() -> None:
 
 @pytest.mark.parametrize("variant", ["llvm_ad_rgb", "llvm_ad_mono"])
 def test_the_integral_is_that_of_the_map_times_the_polynomial(variant: str) -> None:
+    mi.set_variant(variant)
     from stratalux.integrators.automatic.variate import MatteVariate
 
-    mi.set_variant(variant)
     texels = hall_map(25, 47)
     rows, columns = 24 * 40, 47 * 8  # midpoints, which are exact for what is linear, of cells of the lookup
     v, u = (np.arange(rows) + 0.5) / rows, (np.arange(columns) + 0.5) / columns

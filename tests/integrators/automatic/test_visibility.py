@@ -62,7 +62,9 @@ def test_some_doubt_is_left() -> None:
     counts = mi.UInt32([1 << 20] * PARTS), mi.UInt32([1 << 20] * PARTS)
     V, doubt = Visibility(mi.UInt32(0), None, Visibility.learn(counts)).expected(mi.Vector3f(1, 0, 0), mi.Bool(True))
     assert 0.999 < V[0] < 1
-    assert 0 < doubt[0] <= 0.2
+    assert doubt[0] == pytest.approx(0.1)
+    V, doubt = Visibility(mi.UInt32(0), None).expected(mi.Vector3f(1, 0, 0), mi.Bool(True))
+    assert (V[0], doubt[0]) == (0, 1)  # nothing is known
 
 
 @pytest.mark.parametrize("spp", [1, 16])

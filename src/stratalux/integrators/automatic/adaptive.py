@@ -126,11 +126,14 @@ def _needs(
         squares -= variate * variate
     # The share c with the least variance of pilot + c · difference; of other pixels, as all that a pixel's value is
     # made of. Sums around the pixel come first, or it would have a part in the shares of those that it is judged by.
-    share = dr.select(squares > 0, dr.clip(-covariance / squares, 0, 1), 0)
+    best = -covariance / squares
+    share = dr.select((squares > 0) & dr.isfinite(best), dr.clip(best, 0, 1), 0)
     spread = dr.maximum(variance + share * (2 * covariance + share * squares), 0)
+    known = spread < dr.inf  # else a square has overflowed: there, as much is needed as anywhere
     # Where much is left beside the mean, light is mostly shadow. A full share would leave some pixels below zero there.
-    share *= dr.minimum(1, mean * mean / (_DOUBT * spread + _TINY))
-    need = dr.log2(dr.maximum(spread / (mean * mean + dim * dim + _TINY), _TINY)) / (1 + CONVERGENCE)
+    share *= dr.select(known, dr.minimum(1, mean * mean / (_DOUBT * spread + _TINY)), 0)
+    relative = dr.select(known, spread / (mean * mean + dim * dim + _TINY), dr.inf)
+    need = dr.log2(dr.clip(relative, _TINY, 1 / _TINY)) / (1 + CONVERGENCE)
     return mi.Int32(dr.round(_STEPS * need)), level, share
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -17,7 +17,7 @@ from ..other_emitters import OtherEmitters
 from ..sight import Sight
 from .look import Look, look, shape_numbers
 from .nested_strata import PixelPoints
-from .sample import AllocatedLight, AutomaticSample
+from .sample import AllocatedLight
 from .visibility import Visibility
 
 _RECORDINGS = 8
@@ -46,6 +46,27 @@ class Launch:
     learned: mi.Float | None
 
 
+class Estimator(Protocol):
+    """What is launched: the part of an integrator of ours that knows of no film."""
+
+    hide_emitters: bool
+
+    def sight(self, scene: mi.Scene, prepared: Any, sensor: mi.Sensor | None) -> Sight:
+        """What rays see of ``scene``."""
+
+    def radiance(
+        self,
+        scene: mi.Scene,
+        prepared: Any,
+        others: OtherEmitters,
+        sight: Sight,
+        sampler: PixelPoints,
+        ray: mi.RayDifferential3f,
+        active: mi.Bool | bool,
+    ) -> tuple[mi.Spectrum, mi.Bool | mi.Float]:
+        """Radiance along ``ray``, and its alpha."""
+
+
 class Launcher:
     """Takes camera samples of a ``sensor``. Python traces a kernel in 5 to 10 ms, as long as small images render.
 
@@ -53,17 +74,20 @@ class Launcher:
     compared at the beginning of each, and traced anew if it differs.
     """
 
-    def __init__(self, integrator: AutomaticSample, scene: mi.Scene, sensor: mi.Sensor) -> None:
+    def __init__(self, integrator: Estimator, scene: mi.Scene, sensor: mi.Sensor) -> None:
         self.integrator, self.scene, self.sensor = integrator, scene, sensor
         self._light: AllocatedLight | None = None
         self._others: OtherEmitters | None = None
         self._sight: Sight | None = None
         self._numbers: mi.UInt32 | None = None
         self._fixed: tuple[Hashable, ...] = ()
-        self._recorded: dict[Callable[..., Any], Callable[..., Any]] = {
-            function: recorded(function, state_fn=self._state, limit=_RECORDINGS)
-            for function in (self._samples, self._light_samples, look)
-        }
+        self._recorded: dict[Callable[..., Any], Callable[..., Any]] = {}
+        self.record(self._samples, self._light_samples, look)
+
+    def record(self, *functions: Callable[..., Any]) -> None:
+        """Prepare ``functions`` to be :meth:`replayed`."""
+        for function in functions:
+            self._recorded[function] = recorded(function, state_fn=self._state, limit=_RECORDINGS)
 
     def begin(self, light: AllocatedLight) -> None:
         """Look at the scene as it is now; the launches that follow render that."""
@@ -76,7 +100,7 @@ class Launcher:
 
     def samples(self, launch: Launch) -> _Samples:
         """Radiance, difference of the variate, alpha, and place in pixels of each sample."""
-        return self._replayed(self._samples, launch)
+        return self.replayed(self._samples, launch)
 
     def light_samples(self, seed: mi.UInt32) -> mi.Float:
         """Samples of the map for launches that share them: one in each leaf."""
@@ -90,9 +114,9 @@ class Launcher:
         dr.eval(corner, pixel)
         if self._numbers is None:
             self._numbers = shape_numbers(self.scene)
-        return self._replayed(look, self._numbers, corner, pixel)
+        return self.replayed(look, self._numbers, corner, pixel)
 
-    def _replayed(self, function: Callable[..., Any], *arguments: Any) -> Any:
+    def replayed(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """``function`` of the scene, the sensor, the width and the size of the film in pixels, and ``arguments``."""
         size = self.sensor.film().crop_size()
         width, extent = mi.UInt32(int(size[0])), mi.Vector2f(float(size[0]), float(size[1]))
@@ -108,24 +132,16 @@ class Launcher:
     def _samples(
         self, scene: mi.Scene, sensor: mi.Sensor, width: mi.UInt32, extent: mi.Vector2f, launch: Launch
     ) -> _Samples:
-        light, others, sight = self._light, self._others, self._sight
-        assert light is not None and others is not None and sight is not None
-        samples = None if launch.shared is None else SharedLight(launch.shared)
-        points = PixelPoints(launch.index, mix(launch.pixel ^ mix(launch.seed)), samples, launch.expected)
-        if launch.detailed is not None:
-            points.detailed = dr.gather(mi.UInt32, launch.detailed, launch.pixel)
-        row = launch.pixel // width
-        column = launch.pixel - row * width
-        points.visibility = Visibility(Visibility.tile(column, row, width), launch.counts, launch.learned)
-        place = mi.Vector2f(mi.Float(column), mi.Float(row))
-        place += sobol_2d(points.index, mix(points.seed ^ 0x51633E2D))
-        aperture = points.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
-        time = mi.Float(sensor.shutter_open())
-        if sensor.shutter_open_time() > 0:
-            time += points.next_1d() * sensor.shutter_open_time()
-        ray, importance = sensor.sample_ray_differential(time, mi.Float(0), mi.Point2f(place / extent), aperture)
-        L, valid = self.integrator.radiance(scene, light, others, sight, points, ray, True)
-        return L * importance, points.difference * importance, valid, mi.Point2f(place)
+        light, others, sight = self.seen
+        points, ray, importance, place = camera_samples(sensor, width, extent, launch)
+        L, alpha = self.integrator.radiance(scene, light, others, sight, points, ray, True)
+        return L * importance, points.difference * importance, alpha, place
+
+    @property
+    def seen(self) -> tuple[AllocatedLight, OtherEmitters, Sight]:
+        """What the scene has, as it was at the last :meth:`begin`."""
+        assert self._light is not None and self._others is not None and self._sight is not None
+        return self._light, self._others, self._sight
 
     def _light_samples(self, seed: mi.UInt32) -> mi.Float:
         assert self._light is not None
@@ -133,10 +149,30 @@ class Launcher:
 
     def _state(self, *_: Any) -> Any:
         """What a launch depends on besides its arguments."""
-        light, others, sight = self._light, self._others, self._sight
-        assert light is not None and others is not None and sight is not None
+        light, others, sight = self.seen
         arrays = light.arrays(), light.tables.arrays(), others.arrays(), sight.arrays()
         return arrays, light.tables.depth, self.integrator.hide_emitters, self._fixed
+
+
+def camera_samples(
+    sensor: mi.Sensor, width: mi.UInt32, extent: mi.Vector2f, launch: Launch
+) -> tuple[PixelPoints, mi.RayDifferential3f, mi.Spectrum, mi.Point2f]:
+    """Points, rays and their weights, and places in pixels of the samples of a ``launch``."""
+    samples = None if launch.shared is None else SharedLight(launch.shared)
+    points = PixelPoints(launch.index, mix(launch.pixel ^ mix(launch.seed)), samples, launch.expected)
+    if launch.detailed is not None:
+        points.detailed = dr.gather(mi.UInt32, launch.detailed, launch.pixel)
+    row = launch.pixel // width
+    column = launch.pixel - row * width
+    points.visibility = Visibility(Visibility.tile(column, row, width), launch.counts, launch.learned)
+    place = mi.Vector2f(mi.Float(column), mi.Float(row))
+    place += sobol_2d(points.index, mix(points.seed ^ 0x51633E2D))
+    aperture = points.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
+    time = mi.Float(sensor.shutter_open())
+    if sensor.shutter_open_time() > 0:
+        time += points.next_1d() * sensor.shutter_open_time()
+    ray, importance = sensor.sample_ray_differential(time, mi.Float(0), mi.Point2f(place / extent), aperture)
+    return points, ray, importance, mi.Point2f(place)
 
 
 def _constants(part: mi.Object) -> Iterator[Hashable]:

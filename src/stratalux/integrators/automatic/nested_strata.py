@@ -42,7 +42,8 @@ class PixelPoints:
     ) -> None:
         self.index, self.seed, self.samples, self.expected = index, seed, samples, expected
         self.difference = mi.Spectrum(0)
-        """After an estimate: the variate's integral less its estimate, 0 on average."""
+        """After an estimate that has ``varied``: the variate's integral less its estimate, 0 on average."""
+        self.varied = False
         self.detailed = mi.UInt32(0)
         """As in a :class:`~.look.Look`."""
         self.visibility = Visibility(mi.UInt32(0), None)
@@ -58,13 +59,13 @@ class PixelPoints:
         return cls(lane - pixel * per_pixel, mix(pixel ^ seed))
 
     def next_1d(self, active: mi.Bool | bool = True) -> mi.Float:
-        return unit_float(van_der_corput(shuffle(self.index, self._next()), mix(self._next())))
+        return unit_float(van_der_corput(shuffle(self.index, self.next_seed()), mix(self.next_seed())))
 
     def next_2d(self, active: mi.Bool | bool = True) -> mi.Point2f:
-        seed = self._next()
+        seed = self.next_seed()
         return sobol_2d(shuffle(self.index, seed), mix(seed))
 
-    def _next(self) -> mi.UInt32:
+    def next_seed(self) -> mi.UInt32:
         """A seed for the next dimension."""
         self._dimension += 1
         return mix(self.seed + mi.UInt32(0x9E3779B9 * self._dimension & 0xFFFFFFFF))
@@ -192,6 +193,7 @@ class NestedStrata:
         if variate is not None:
             integral = variate.integral(light.from_world(normal)) * light.scale
             self.points.difference = albedo * (integral - H)
+            self.points.varied = True
         return L_o
 
     @dr.syntax

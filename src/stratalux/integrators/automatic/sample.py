@@ -82,7 +82,8 @@ class AutomaticSample(DirectIntegrator):
         return estimate(scene, light, si, bsdf, active)
 
     def weigh(self, sampler: mi.Sampler | PixelPoints, seen: Arrival) -> None:
-        if isinstance(sampler, PixelPoints):
+        # A product with a constant 0 would be one as well, but of the number of lanes of the first launch recorded.
+        if isinstance(sampler, PixelPoints) and sampler.varied:
             sampler.difference = seen.reflected(sampler.difference)
 
     def to_string(self) -> str:

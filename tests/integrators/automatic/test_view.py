@@ -13,24 +13,24 @@ from tests.helpers import scene_dict
 
 
 def test_a_pilot_is_a_power_of_two_of_a_small_part() -> None:
-    from stratalux.integrators.automatic.image import _pilot  # of the active variant
+    from stratalux.integrators.automatic.view import pilot_samples  # of the active variant
 
     expected = {1: 1, 2: 1, 8: 1, 15: 1, 16: 2, 31: 2, 32: 4, 64: 8, 100: 8, 1024: 128}
-    assert {spp: _pilot(spp) for spp in expected} == expected
+    assert {spp: pilot_samples(spp) for spp in expected} == expected
 
 
 def view(width: int, height: int) -> Any:
-    from stratalux.integrators.automatic.image import _View
+    from stratalux.integrators.automatic.view import View
 
     film = mi.load_dict({"type": "hdrfilm", "width": width, "height": height})
     sensor = SimpleNamespace(film=lambda: film)
-    return _View(SimpleNamespace(sensor=sensor), None)
+    return View(SimpleNamespace(sensor=sensor), None)
 
 
 @pytest.mark.parametrize(("room", "launches"), [(6_100, 1), (5_000, 5), (500, 16)])
 def test_launches_go_over_all_samples_once(room: int, launches: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each over the whole image; where there are several, the first is small, and none is larger than there is room."""
-    monkeypatch.setattr("stratalux.integrators.automatic.image.LAUNCH", room)
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", room)
     counts = np.random.default_rng(1).integers(0, 21, 600).astype(np.int64)
     total = int(counts.sum())
     assert 5_000 < total <= 6_100
@@ -70,15 +70,47 @@ def test_samples_are_numbered_within_their_pixels() -> None:
 
 
 def test_later_samples_are_weighted_by_their_number() -> None:
-    from stratalux.integrators.automatic.image import _combined, _image
+    from stratalux.integrators.automatic.view import combined, developed
 
     pilot = np.full((1, 3, 4), 1.0, dtype=np.float32)
     later = np.full((1, 3, 4), 5.0, dtype=np.float32)
     later[..., -1] = [1, 1, 0]  # the last pixel has none
     counts = np.array([[2, 6, 9]])
-    np.testing.assert_allclose(_combined(pilot, later, 2, counts)[..., 0], [[3, 4, 1]])
+    np.testing.assert_allclose(combined(pilot, later, 2, counts)[..., 0], [[3, 4, 1]])
     block = SimpleNamespace(tensor=lambda: mi.TensorXf([6.0, 3.0, 2.0, 0.0], (1, 2, 2)))
-    np.testing.assert_array_equal(_image(block), [[[2, 1], [0, 0]]])
+    np.testing.assert_array_equal(developed(block), [[[2, 1], [0, 0]]])
+
+
+@pytest.mark.parametrize("rfilter", ["box", "gaussian"])
+def test_parts_of_a_pilot_are_means_of_their_samples(rfilter: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from stratalux.integrators.automatic.view import Pilot
+
+    def samples(launch: Any) -> tuple[Any, ...]:
+        value = mi.Float(launch.pixel) + 10 * mi.Float(launch.index)
+        place = mi.Point2f(mi.Float(launch.pixel % 3) + 0.5, mi.Float(launch.pixel // 3) + 0.5)
+        return mi.Color3f(value, 2 * value, 3 * value), mi.Color3f(-value), mi.Bool(True), place
+
+    film = mi.load_dict({"type": "hdrfilm", "width": 3, "height": 2, "rfilter": {"type": rfilter}})
+    film.prepare([])
+    some = view(3, 2)
+    some.film, some.launcher.samples = film, samples
+    seen: list[Any] = []
+    plan = "stratalux.integrators.automatic.view.plan_samples"
+    monkeypatch.setattr(plan, lambda *arguments: seen.append(arguments))
+    pilot = Pilot(some, 8, 4, None, 0.25)
+    assert list(pilot.passes(mi.UInt32(0), 0.5)) == [8]
+    pilot.plan(0.5, 16)
+    (values, difference, dim, budget, least, footprint, marks), pixel = seen[0], np.arange(6).reshape(2, 3)
+    assert (dim, marks) == (0.5, ())
+    # With a filter, each sample counts in several pixels, and each of these needs later ones.
+    assert (budget, least, footprint) == ((16, 8, 0) if rfilter == "box" else (16, 16, 2))
+    expected = pixel + 10 * (2 * np.arange(4)[:, None, None] + 0.5)  # two samples in each part
+    np.testing.assert_allclose(values.numpy(), [c * expected for c in (1, 2, 3)], rtol=1e-6)
+    np.testing.assert_allclose(difference.numpy(), [-expected] * 3, rtol=1e-6)
+    if rfilter == "box":
+        image = pilot.image(np.full((2, 3), 0.5, dtype=np.float32))
+        np.testing.assert_allclose(image[..., 0], 0.5 * expected.mean(axis=0), rtol=1e-5)
+        np.testing.assert_allclose(image[..., -1], 1, rtol=1e-5)
 
 
 @pytest.mark.parametrize("rfilter", ["box", "gaussian"])
@@ -132,3 +164,14 @@ def test_what_it_adapts_to(change: dict[str, Any], adapts: bool) -> None:
         description |= change
     scene = mi.load_dict(description)
     assert mi.load_dict({"type": "direct_stratified"}).adapts_to(scene, scene.sensors()[0]) == adapts
+
+
+def test_what_is_dim_is_so_beside_the_map_as_it_shines(launches: list[Any]) -> None:
+    from stratalux.integrators.automatic.lobes import DIM
+
+    texels = np.full((8, 16, 3), 0.8, dtype=np.float32)
+    scene = mi.load_dict(scene_dict("diffuse", texels))  # at half of its brightness
+    mi.render(scene, integrator=mi.load_dict({"type": "direct_stratified"}), spp=32)
+    pilot, *later = launches
+    assert pilot.expected.numpy() == pytest.approx(DIM * 0.8 * 0.5, rel=1e-4)
+    assert later and min(launch.expected.numpy().min() for launch in later) >= DIM * 0.8 * 0.5 * 0.999

@@ -1,0 +1,102 @@
+"""An image of all light beyond the direct one: a pilot of every pixel, then samples where the error is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ...sampling.points import mix
+from ..automatic.nested_strata import PixelPoints
+from ..automatic.sample import AllocatedLight, AutomaticSample
+from ..automatic.view import Pilot, Pixels, View, combined, developed, pilot_samples, unsigned
+from ..light_samples import FreshLight
+from ..other_emitters import OtherEmitters
+from ..sight import Sight
+from .launch import PathLauncher
+from .paths import Paths
+from .vertex import VertexLight
+
+_PARTS = 4
+"""Of a pilot, whose differences tell its error."""
+
+
+class Indirect:
+    """Estimates it for camera rays, in place of an integrator of direct light: of the one whose light it goes with."""
+
+    def __init__(self, direct: AutomaticSample, paths: Paths) -> None:
+        self._direct, self.paths = direct, paths
+        self.hide_emitters = direct.hide_emitters
+
+    def sight(self, scene: mi.Scene, prepared: Any, sensor: mi.Sensor | None) -> Sight:
+        """As that of direct light."""
+        return self._direct.sight(scene, prepared, sensor)
+
+    def radiance(
+        self,
+        scene: mi.Scene,
+        prepared: AllocatedLight | None,
+        others: OtherEmitters,
+        sight: Sight,
+        sampler: PixelPoints,
+        ray: mi.Ray3f,
+        active: mi.Bool | bool,
+    ) -> tuple[mi.Spectrum, mi.Bool]:
+        """Radiance along ``ray`` after two scatterings or more; of alpha it knows nothing."""
+        samples = None
+        if prepared is not None:
+            samples = sampler.samples or FreshLight(prepared, sampler.seed)
+        arriving = VertexLight(scene, sight.obstacles or scene, others, prepared, samples)
+        way = self.paths.begin(scene, sight, sampler.index, sampler.seed, ray, mi.Bool(active))
+        return self.paths.follow(scene, arriving, sight, sampler.index, sampler.seed, way), mi.Bool(False)
+
+
+class IndirectImage:
+    """Renders it launch by launch, beside an image of direct light."""
+
+    def __init__(self, indirect: Indirect, scene: mi.Scene, sensor: mi.Sensor) -> None:
+        self.scene, self.sensor = scene, sensor
+        self._launcher = PathLauncher(indirect, indirect.paths, scene, sensor)
+
+    def passes(
+        self, light: AllocatedLight, direct: Pixels, dim: float, seed: mi.UInt32, spp: int
+    ) -> Iterator[tuple[Pixels, float]]:
+        """The image so far, with the film's channels and weights, and its samples per pixel.
+
+        ``direct``: what it is added to, which errors are measured by. ``dim``: radiance below which they count as if it
+        were that bright.
+        """
+        self._launcher.begin(light)
+        view = View(self._launcher, None)
+        few = pilot_samples(spp)
+        shared = self._launcher.light_samples(mix(~seed)) if view.at_once(spp) else None
+        pilot = Pilot(view, few, min(_PARTS, few), shared, 0.0)
+        for rendered in pilot.passes(seed, dim):
+            if rendered < few:
+                yield pilot.image(0), rendered
+        first = pilot.image(0)
+        yield first, float(few)
+        if few == spp:
+            return
+
+        counts = pilot.plan(dim, spp, direct).counts - few
+        block = view.film.create_block()
+        expected = dr.opaque(mi.Float, dim)
+        for k, (start, end) in enumerate(view.launches(counts.ravel())):
+            samples = shared if shared is not None else self._launcher.light_samples(mix(mix(seed) + mi.UInt32(k + 1)))
+            lanes = view.samples(few + start, end - start, seed, expected, samples)
+            weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, unsigned(counts.ravel()), lanes.pixel)))
+            view.put(block, lanes, lanes.L, lanes.alpha, weight)
+            dr.eval(block.tensor())
+            done = end.reshape(counts.shape)
+            yield combined(first, developed(block), few, done), few + float(done.mean())
+
+
+def added(direct: Pixels, rest: Pixels) -> Pixels:
+    """Both together; ``rest`` has an alpha of 0."""
+    total = direct.copy()
+    total[..., :-1] += np.where(direct[..., -1:] != 0, rest[..., :-1], 0)
+    return total

@@ -1,0 +1,178 @@
+"""Paths that bring what direct light leaves out."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import drjit as dr
+import mitsuba as mi
+
+from ...sampling.points import mix
+from ..automatic.nested_strata import PixelPoints
+from ..common import emits
+from ..sight import Sight
+from ..straight import LAYERS
+from .vertex import VertexLight
+
+_VERTICES = 0x6A09E667
+"""Distinguishes the points of paths from those of direct light."""
+_ENOUGH = 0.95
+"""Probability of going on, at most, from ``rr_depth`` on: Mitsuba's."""
+
+
+class Way:
+    """What is left of a path at its first vertex: the ``ray`` that leaves it, its weight β, the square root η of the
+    scale that refraction has given that, how many surfaces were ``met``, and whether the ray meets another one: is
+    ``alive``."""
+
+    DRJIT_STRUCT: ClassVar = {
+        "ray": mi.Ray3f,
+        "β": mi.Spectrum,
+        "η": mi.Float,
+        "met": mi.UInt32,
+        "alive": mi.Bool,
+    }
+
+    def __init__(self) -> None:
+        self.ray, self.β, self.η = dr.zeros(mi.Ray3f), mi.Spectrum(1), mi.Float(1)
+        self.met, self.alive = mi.UInt32(0), mi.Bool(False)
+
+
+class Paths:
+    r"""What arrives along camera rays after two scatterings or more.
+
+    From the camera's first surface x_1 on, the BSDF of each surface draws the way to the next one. With the weights
+    f cos / p of those samples, the light L_o that :class:`VertexLight` tells, and at most D = ``max_depth`` segments,
+
+        L ≈ Σ_{k=2}^{D−1} L_o(x_k) Π_{i<k} (f cos / p)(x_i).
+
+    Light that was scattered once is left to others, at x_1 and along each way that leads from it to a lamp. So most
+    paths end right there, where the way leads nowhere: they :meth:`begin` apart from what :meth:`follow` makes of the
+    others.
+
+    Surfaces that let light go straight on (:mod:`.straight`) are no vertices and count for no depth. One that is met
+    is passed where its BSDF draws its ``Null`` lobe. A catcher scatters nothing towards the camera; light comes back
+    from it by its own BSDF. From ``rr_depth`` scatterings on, paths end at random, as Mitsuba's do.
+    """
+
+    def __init__(self, max_depth: int, rr_depth: int, hide_emitters: bool) -> None:
+        self.max_depth, self.rr_depth, self._hide_emitters = max_depth, rr_depth, hide_emitters
+
+    @property
+    def any(self) -> bool:
+        """Whether there is anything beyond direct light."""
+        return self.max_depth < 0 or self.max_depth > 2
+
+    @dr.syntax
+    def begin(
+        self, scene: mi.Scene, sight: Sight, index: mi.UInt32, seed: mi.UInt32, ray: mi.Ray3f, active: mi.Bool
+    ) -> Way:
+        """The first vertices of camera rays; ``index``: of the sample in its pixel, whose ``seed`` it is."""
+        way = Way()
+        way.ray = mi.Ray3f(ray.o, ray.d, ray.maxt, ray.time, ray.wavelengths)
+        seed = mix(seed ^ _VERTICES)
+        going = mi.Bool(active)
+        while going:
+            si = scene.ray_intersect(way.ray, mi.RayFlags.All, coherent=False, active=going)
+            unseen, dark = self._not_seen(sight, si, way.ray, going & si.is_valid())
+            going &= si.is_valid() & ~dark
+            points = PixelPoints(index, mix(seed + way.met * 0x9E3779B9))
+            bs, weight, straight, lost = self._way_on(sight, si, points, unseen, way.met, going)
+            going &= ~lost
+            way.β = dr.select(going & ~unseen, way.β * weight, way.β)
+            way.η = dr.select(going & ~straight, way.η * bs.eta, way.η)
+            way.met += 1
+            way.alive |= going & ~straight & dr.any(way.β != 0)
+            if dr.hint(self.rr_depth <= 1, mode="scalar"):
+                q, survives = self._survives(way.β, way.η, points)
+                way.alive &= straight | survives
+                way.β = dr.select(going & ~straight, way.β / q, way.β)
+            way.ray = si.spawn_ray(dr.select(straight, way.ray.d, si.to_world(bs.wo)))
+            going &= straight
+        way.alive &= scene.ray_test(way.ray, way.alive)
+        return way
+
+    @dr.syntax
+    def follow(
+        self, scene: mi.Scene, light: VertexLight, sight: Sight, index: mi.UInt32, seed: mi.UInt32, way: Way
+    ) -> mi.Spectrum:
+        """What each ``way`` brings on and after its second vertex."""
+        most = dr.opaque(mi.UInt32, self.max_depth - 1 if self.max_depth > 0 else 0xFFFFFFFF)
+        roulette = dr.opaque(mi.UInt32, self.rr_depth)
+        seed = mix(seed ^ _VERTICES)
+
+        L, β, η, ray = mi.Spectrum(0), mi.Spectrum(way.β), mi.Float(way.η), mi.Ray3f(way.ray)
+        scattered = mi.UInt32(1)  # How often the path was
+        met, layers = mi.UInt32(way.met), mi.UInt32(0)  # Surfaces, and those passed since the last vertex
+        x = dr.zeros(mi.Interaction3f)  # The last vertex
+        pdf, delta = mi.Float(0), mi.Bool(True)  # Of the sample of its BSDF
+        going = mi.Bool(way.alive)
+        while going:
+            si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=going)
+            L += β * light.found(x, si, pdf, delta, going & (scattered >= 2))
+            going &= si.is_valid() & (scattered < most)
+
+            # ------------------------- Light that arrives here ------------------------
+            points = PixelPoints(index, mix(seed + met * 0x9E3779B9))
+            L += β * light.sampled(points, si, si.bsdf(), going)
+
+            # ------------------------------- The way on -------------------------------
+            bs, weight, straight, lost = self._way_on(sight, si, points, mi.Bool(False), layers, going)
+            β *= weight
+            going &= ~lost & dr.any(β != 0)
+            scatters = going & ~straight
+            x.p, x.n = dr.select(scatters, si.p, x.p), dr.select(scatters, si.n, x.n)
+            x.time, x.wavelengths = si.time, si.wavelengths
+            pdf = dr.select(scatters, bs.pdf, pdf)
+            delta = dr.select(scatters, mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta), delta)
+            η = dr.select(scatters, η * bs.eta, η)
+            scattered += dr.select(scatters, 1, 0)
+            layers = dr.select(scatters, 0, layers + 1)
+            met += 1
+
+            # ---------------------------- Russian roulette ----------------------------
+            q, survives = self._survives(β, η, points)
+            ends = scatters & (scattered >= roulette)
+            going &= ~ends | survives
+            β = dr.select(ends, β / q, β)
+
+            ray = si.spawn_ray(dr.select(straight, ray.d, si.to_world(bs.wo)))
+        return L
+
+    def _way_on(
+        self,
+        sight: Sight,
+        si: mi.SurfaceInteraction3f,
+        points: PixelPoints,
+        unseen: mi.Bool,
+        layers: mi.UInt32,
+        active: mi.Bool,
+    ) -> tuple[mi.BSDFSample3f, mi.Spectrum, mi.Bool, mi.Bool]:
+        """A sample of the BSDF and its weight, whether the way goes straight on, and where it ends."""
+        bsdf = si.bsdf()
+        bs, weight = bsdf.sample(mi.BSDFContext(), si, points.next_1d(), points.next_2d(), active & ~unseen)
+        straight, lost = mi.Bool(unseen), mi.Bool(False)
+        if sight.masks:
+            null = active & ~unseen & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
+            lost = null & (dr.all(bsdf.eval_null_transmission(si, null) == 0) | (layers >= LAYERS))
+            straight |= null
+        return bs, weight, straight, lost
+
+    @staticmethod
+    def _survives(β: mi.Spectrum, η: mi.Float, points: PixelPoints) -> tuple[mi.Float, mi.Bool]:
+        """The probability to go on where paths end at random, and whether each does."""
+        q = dr.minimum(dr.max(β) * η * η, _ENOUGH)
+        return q, points.next_1d() < q
+
+    def _not_seen(
+        self, sight: Sight, si: mi.SurfaceInteraction3f, ray: mi.Ray3f, active: mi.Bool
+    ) -> tuple[mi.Bool, mi.Bool]:
+        """Whether the camera sees through what its ray has met, and whether nothing is reflected there."""
+        unseen, dark = mi.Bool(False), mi.Bool(False)
+        if sight.catcher is not None:
+            caught = active & sight.catcher.met(si)
+            through = dr.all(sight.catcher.transmission(si, ray.d, mi.Spectrum(0)) > 0)
+            unseen, dark = caught & through, caught & ~through
+        if self._hide_emitters:
+            unseen |= active & emits(si)
+        return unseen, dark

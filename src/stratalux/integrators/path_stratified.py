@@ -1,0 +1,163 @@
+"""``path_stratified``: the whole light, its direct part as that of ``direct_stratified``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from ..errors import InputError
+from ..sampling.points import mix
+from .automatic.image import Automatic
+from .automatic.lobes import DIM, MOST_RAYS
+from .automatic.nested_strata import PixelPoints
+from .automatic.sample import AllocatedLight, AutomaticSample
+from .automatic.view import Pixels
+from .indirect.image import Indirect, IndirectImage, added
+from .indirect.paths import Paths
+from .other_emitters import OtherEmitters
+from .sight import Sight
+from .techniques import Property, Technique, properties_from
+
+PATH = Technique(
+    name="path-stratified",
+    plugin="path_stratified",
+    summary="the whole light: stratified at the first surface, paths with strata beyond",
+    source="Kajiya 1986; Mei, Jaeger and Hu 2006",
+    unbiased=True,
+    properties={
+        "max_depth": Property(
+            -1,
+            "segments of a path, at most: 2 is direct light; -1: no limit",
+            minimum=-1,
+            barred=dict.fromkeys((0, 1), "leaves no light on surfaces; give 2 or more, or -1"),
+        ),
+        "rr_depth": Property(5, "surfaces from which on paths end at random", minimum=1),
+    },
+    rays_per_sample=MOST_RAYS,
+)
+TECHNIQUES = (PATH,)
+_FEWER, _MORE = 2, 2
+"""Camera samples of direct light are so many times fewer than those asked for, and paths so many times more: with all
+their strata, samples of direct light cost as much and have much smaller errors."""
+_NO_DERIVATIVES = "path_stratified: has no derivatives; use Mitsuba's 'prb', or 'direct_stratified' for direct light"
+
+
+def _paths_of(props: mi.Properties) -> Paths:
+    settings = properties_from(PATH, props)
+    return Paths(int(settings["max_depth"]), int(settings["rr_depth"]), bool(props.get("hide_emitters", False)))
+
+
+class PathSample(AutomaticSample):
+    """The estimate for a camera sample, in whatever order Mitsuba or another integrator asks for them."""
+
+    def __init__(self, props: mi.Properties) -> None:
+        super().__init__(props)
+        self._paths = _paths_of(props)
+        self._indirect = Indirect(self, self._paths)
+
+    def radiance(
+        self,
+        scene: mi.Scene,
+        prepared: AllocatedLight | None,
+        others: OtherEmitters,
+        sight: Sight,
+        sampler: mi.Sampler,
+        ray: mi.RayDifferential3f,
+        active: mi.Bool | bool,
+    ) -> tuple[mi.Spectrum, mi.Bool | mi.Float]:
+        """Radiance along ``ray``, and its alpha."""
+        L, alpha = super().radiance(scene, prepared, others, sight, sampler, ray, active)
+        if self._paths.any:
+            points = PixelPoints.of(sampler)
+            L += self._indirect.radiance(scene, prepared, others, sight, points, ray, active)[0]
+        return L, alpha
+
+
+class PathStratified(Automatic):
+    r"""Path tracing: the direct light of ``direct_stratified``, and paths for what is reflected between surfaces.
+
+    ================= ======= ===================================================================================
+    ``max_depth``     int     Segments of a path, at most; 2 is direct light alone (default: -1, no limit)
+    ``rr_depth``      int     Surfaces from which on paths end at random (default: 5)
+    ``hide_emitters`` bool    Hide directly visible emitters (default: false)
+    ================= ======= ===================================================================================
+
+    These are the properties of Mitsuba's ``path``, with the same meaning but for surfaces that let light go straight
+    on, as masks do, which count for no depth. ``background`` and ``catcher`` are those of all our integrators.
+
+    Light that is scattered once is that of :class:`~.automatic.image.Automatic`. The rest, see
+    :class:`~.indirect.paths.Paths`, is an image of its own, with camera samples of its own, which is added: for each
+    two samples per pixel, one of direct light and four paths. There are no derivatives.
+    """
+
+    def __init__(self, props: mi.Properties) -> None:
+        super().__init__(props)
+        self._paths = _paths_of(props)
+        self._plain: PathSample = PathSample(props)
+        self._plain._cache = self._cache
+        self._image: IndirectImage | None = None
+
+    def sample(
+        self,
+        scene: mi.Scene,
+        sampler: mi.Sampler,
+        ray: mi.RayDifferential3f,
+        medium: mi.Medium | None = None,
+        active: mi.Bool | bool = True,
+    ) -> tuple[mi.Spectrum, mi.Bool, list[mi.Float]]:
+        """Radiance along ``ray``, its alpha, and no AOVs (Mitsuba's integrator interface)."""
+        return self._plain.sample(scene, sampler, ray, medium, active)
+
+    def render_forward(
+        self, scene: mi.Scene, params: Any, sensor: mi.Sensor | int = 0, seed: int | mi.UInt32 = 0, spp: int = 0
+    ) -> mi.TensorXf:
+        """Raises :class:`InputError`: there are no derivatives."""
+        raise InputError(_NO_DERIVATIVES)
+
+    def render_backward(
+        self,
+        scene: mi.Scene,
+        params: Any,
+        grad_in: mi.TensorXf,
+        sensor: mi.Sensor | int = 0,
+        seed: int | mi.UInt32 = 0,
+        spp: int = 0,
+    ) -> None:
+        """Raises :class:`InputError`: there are no derivatives."""
+        raise InputError(_NO_DERIVATIVES)
+
+    def _passes(
+        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int
+    ) -> Iterator[tuple[Pixels, float]]:
+        spp = spp or sensor.sampler().sample_count()
+        if not self._paths.any:
+            yield from super()._passes(scene, sensor, seed, spp)
+            return
+        few, many = max(1, spp // _FEWER), spp * _MORE
+        direct = super()._passes(scene, sensor, seed, few)
+        light = self.prepare(scene)
+        assert light is not None
+        dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
+        image = self._image_of(scene, sensor)
+        seed = mix(mi.UInt32(seed) ^ 0x1B873593)
+        dr.make_opaque(seed)
+        first, done = next(direct)
+        for rest, rendered in image.passes(light, first, dim, seed, many):
+            yield added(first, rest), spp * (done / few + rendered / many) / 2
+        for first, done in direct:
+            yield added(first, rest), spp * (done / few + rendered / many) / 2
+
+    def _image_of(self, scene: mi.Scene, sensor: mi.Sensor) -> IndirectImage:
+        if self._image is None or self._image.scene is not scene or self._image.sensor is not sensor:
+            self._image = IndirectImage(Indirect(self, self._paths), scene, sensor)
+        return self._image
+
+    def to_string(self) -> str:
+        return f"PathStratified[max_depth = {self._paths.max_depth}, rr_depth = {self._paths.rr_depth}]"
+
+
+PLUGINS = {"path_stratified": PathStratified}

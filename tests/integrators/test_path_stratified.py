@@ -1,0 +1,114 @@
+"""``path_stratified`` as a plugin: what it refuses, and that it renders what all of ours do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from stratalux import InputError, render
+from stratalux.integrators.techniques import parse_technique
+from stratalux.rendering.passes import technique_of
+from stratalux.rendering.settings import SamplingSettings
+from tests.helpers import scene_dict
+
+
+def picture(description: dict[str, Any], spp: int = 4, seed: int = 0, **properties: Any) -> NDArray[np.float32]:
+    integrator = mi.load_dict({"type": "path_stratified", **properties})
+    return render(mi.load_dict(description), integrator=integrator, spp=spp, seed=seed).image
+
+
+def test_the_same_seed_gives_the_same_image() -> None:
+    first, again, other = (picture(scene_dict("roughplastic"), seed=seed) for seed in (7, 7, 8))
+    np.testing.assert_allclose(first, again, rtol=1e-5, atol=1e-6)  # threads add to the film in any order
+    assert np.abs(first - other).max() > 1e-3
+
+
+@pytest.mark.parametrize("spp", [1, 2, 3, 16])
+def test_as_many_samples_as_asked_for(spp: int) -> None:
+    integrator = mi.load_dict({"type": "path_stratified", "max_depth": 4})
+    result = render(mi.load_dict(scene_dict()), integrator=integrator, spp=spp)
+    assert abs(result.spp - spp) <= max(1, spp // 8)
+    assert np.isfinite(result.image).all()
+
+
+def test_a_scene_of_nothing_is_its_map() -> None:
+    description = {key: part for key, part in scene_dict().items() if key not in ("ball", "box", "floor")}
+    integrator = mi.load_dict({"type": "direct_stratified"})
+    direct = render(mi.load_dict(description), integrator=integrator, spp=4).image
+    np.testing.assert_allclose(picture(description, max_depth=2), direct, rtol=1e-4)
+    np.testing.assert_allclose(picture(description, spp=8), direct, rtol=1e-4)
+
+
+def test_no_derivatives() -> None:
+    scene = mi.load_dict(scene_dict())
+    params = mi.traverse(scene)
+    key = next(name for name in params.keys() if name.endswith("reflectance.value"))  # noqa: SIM118
+    dr.enable_grad(params[key])
+    params.update()
+    image = mi.render(scene, params, integrator=mi.load_dict({"type": "path_stratified"}), spp=1)
+    with pytest.raises((InputError, RuntimeError), match="path_stratified: has no derivatives"):
+        dr.backward(dr.mean(image.array))
+
+
+def test_a_catcher_and_a_background() -> None:
+    """They reflect nothing towards the camera: as in direct light, of which it takes half as many samples."""
+    description = {key: part for key, part in scene_dict().items() if key != "box"}
+    seen = {"catcher": "floor", "background": mi.ScalarColor3f(0.25, 0.5, 0.75)}
+    whole = picture(description, spp=8, max_depth=4, **seen)
+    direct = render(
+        mi.load_dict(description), integrator=mi.load_dict({"type": "direct_stratified", **seen}), spp=4
+    ).image
+    same = np.isclose(whole, direct, rtol=1e-4, atol=1e-5).all(axis=-1)
+    assert same[0].all() and same[-1, 0] and same[-1, -1] and same[:, 0].all()
+    assert not same.all()
+
+
+@pytest.mark.parametrize("depth", [0, 1])
+def test_no_light_on_surfaces(depth: int) -> None:
+    message = f"max_depth: {depth} leaves no light on surfaces; give 2 or more, or -1"
+    with pytest.raises(InputError, match=message):
+        technique_of(SamplingSettings(max_depth=depth))
+    with pytest.raises(InputError, match=message):
+        parse_technique(f"path-stratified:max_depth={depth}")
+
+
+PATH = {"type": "path", "max_depth": 5, "rr_depth": 2, "hide_emitters": True}
+
+
+@pytest.mark.parametrize(
+    ("settings", "own", "name", "given"),
+    [
+        ({}, None, "path-stratified", {"max_depth": 8}),
+        ({}, PATH, "path-stratified", {"max_depth": 5, "rr_depth": 2}),
+        ({"max_depth": 3}, PATH, "path-stratified", {"max_depth": 3, "rr_depth": 2}),
+        ({"max_depth": 3}, {"type": "direct"}, "path-stratified", {"max_depth": 3}),
+        ({}, {"type": "direct"}, "stratified", {}),
+        ({"direct": True}, PATH, "stratified", {}),
+        ({"direct": True, "max_depth": 2}, PATH, "stratified", {}),
+        ({"strata": 16}, PATH, "stratified", {"strata": 16}),
+        ({"technique": "importance"}, PATH, "importance", {}),
+        ({"technique": "path-stratified:rr_depth=7"}, PATH, "path-stratified", {"rr_depth": 7}),
+    ],
+)
+def test_what_is_chosen(settings: dict[str, Any], own: Any, name: str, given: dict[str, Any]) -> None:
+    technique, properties = technique_of(SamplingSettings(**settings), own)
+    assert (technique.name, properties) == (name, given)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"direct": True, "max_depth": 4}, "max_depth: stratified is direct light"),
+        ({"technique": "importance", "max_depth": 4}, "max_depth: importance is direct light"),
+        ({"technique": "path-stratified", "direct": True}, "direct: path-stratified is the whole light"),
+        ({"technique": "path-stratified", "strata": 3}, "technique path-stratified: no property 'strata'"),
+    ],
+)
+def test_contradictions_are_refused(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        technique_of(SamplingSettings(**settings))

@@ -1,0 +1,221 @@
+"""``path_stratified``: the mean image of Mitsuba's ``path``, and what is known without it."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from tests.helpers import MATERIALS, assert_same_mean, lamp, runs, scene_dict, sidak, sun_map
+
+RUNS = 32
+SLOW = pytest.mark.slow
+GLASS = {"type": "dielectric"}
+EVEN = np.ones((16, 32, 3), dtype=np.float32)
+
+
+def glass() -> dict[str, Any]:
+    """A glass ball before the map and the floor."""
+    description = scene_dict("diffuse")
+    description["ball"]["bsdf"] = GLASS
+    return description
+
+
+def leaves() -> dict[str, Any]:
+    """A ball behind, under and beside leaves that are half there and full of holes, and reflect."""
+    holes = {"type": "checkerboard", "color0": 0.1, "color1": 0.9, "to_uv": mi.ScalarTransform4f().scale(4)}
+    description = scene_dict("diffuse")
+    places = (
+        (holes, mi.ScalarTransform4f().translate([0.4, 0.9, 1.4]).rotate([1, 1, 0], 40)),
+        (0.4, mi.ScalarTransform4f().translate([0, 1.6, 0]).rotate([1, 0, 0], -80)),
+    )
+    for k, (opacity, place) in enumerate(places):
+        white = {"type": "twosided", "covers": {"type": "diffuse", "reflectance": 0.7}}
+        bsdf = {"type": "mask", "opacity": opacity, "covers": white}
+        description[f"leaf{k}"] = {"type": "rectangle", "to_world": place, "bsdf": bsdf}
+    return description
+
+
+def pane() -> dict[str, Any]:
+    """A pane of thin glass before the scene."""
+    description = scene_dict("diffuse")
+    place = mi.ScalarTransform4f().translate([0.7, 0.8, 2.5]).scale([1, 0.6, 1])
+    description["pane"] = {"type": "rectangle", "to_world": place, "bsdf": {"type": "thindielectric"}}
+    return description
+
+
+def instances() -> dict[str, Any]:
+    group = {"type": "shapegroup", "thing": {"type": "sphere", "bsdf": MATERIALS["roughplastic"]}}
+    copy = {
+        "type": "instance",
+        "to_world": mi.ScalarTransform4f().translate([1.5, 1, 0]).scale(0.6),
+        "of": {"type": "ref", "id": "group"},
+    }
+    return scene_dict("diffuse", group=group, copy=copy)
+
+
+def constant() -> dict[str, Any]:
+    """An environment that is no image, and a lamp."""
+    return scene_dict("roughplastic", lamp=lamp()) | {"sky": {"type": "constant", "radiance": 0.4}}
+
+
+def point() -> dict[str, Any]:
+    return scene_dict("diffuse", spot={"type": "point", "position": [0, 3, 3], "intensity": 9.0})
+
+
+def room() -> dict[str, Any]:
+    """What is inside is lit by what walls reflect."""
+    description = scene_dict("diffuse", lamp=lamp())
+    description["sky"]["scale"] = 3.0
+    wall = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.8, 0.7, 0.5]}}}
+    for k, place in enumerate(([1, 0, 0], [-1, 0, 0], [0, 0, -1])):
+        turn = mi.ScalarTransform4f().look_at([3 * x for x in place], [0, 0, 0], [0, 1, 0])
+        description[f"wall{k}"] = {"type": "rectangle", "to_world": turn.scale(3), "bsdf": wall}
+    return description
+
+
+def hidden() -> dict[str, Any]:
+    """A lamp before two cubes. (Behind one, Mitsuba's ``path`` takes spheres and rectangles to be somewhere else.)"""
+    described = scene_dict("roughplastic")
+    place = mi.ScalarTransform4f().translate([0.7, 0.6, 2]).scale(0.5)
+    described["ball"] |= {"type": "cube", "to_world": mi.ScalarTransform4f().rotate([1, 1, 0], 30).scale(0.7)}
+    del described["floor"]
+    return described | {"lamp": {**lamp(), "to_world": place}}
+
+
+SCENES = {
+    **{name: lambda name=name: scene_dict(name) for name in MATERIALS},
+    **{made.__name__: made for made in (glass, leaves, pane, instances, constant, point, room, hidden)},
+    "sun": lambda: scene_dict("roughplastic", sun_map()),
+    "lamp": lambda: scene_dict("roughplastic", lamp=lamp()),
+    "caustics": lambda: scene_dict("plastic", lamp=lamp()),
+}
+
+
+@cache
+def reference(variant: str, name: str, properties: tuple[tuple[str, Any], ...]) -> NDArray[Any]:
+    description = SCENES[name]()
+    spp = 1024
+    description["sensor"]["sampler"] = {"type": "multijitter", "sample_count": spp}
+    return runs(mi.load_dict(description), {"type": "path", **dict(properties)}, spp, RUNS, seed=20_000)
+
+
+def compare(name: str, spp: int = 64, more: int = 1, **properties: Any) -> None:
+    """``more`` renders in place of each of the usual ones, with as many samples less."""
+    lit = mi.load_dict(SCENES[name]())
+    images = runs(lit, {"type": "path_stratified", **properties}, spp // more, RUNS * more, 0)
+    theirs = reference(mi.variant(), name, tuple(properties.items()))
+    assert_same_mean(images.reshape(RUNS, more, *images.shape[1:]).mean(axis=1), theirs)
+
+
+MORE = {
+    "mirror": 2048,
+    "roughconductor": 256,
+    "glass": 256,
+    "caustics": 4096,
+    "plastic": 256,
+    "roughplastic": 512,
+    "constant": 512,
+}
+"""Samples per pixel where light comes in rare events."""
+CASES = [
+    ("diffuse", 3, ()),
+    ("diffuse", 8, SLOW),
+    ("diffuse", -1, SLOW),
+    ("roughplastic", 8, SLOW),
+    ("roughconductor", 3, SLOW),
+    ("roughconductor", 8, SLOW),
+    ("plastic", 8, SLOW),
+    ("mirror", 3, SLOW),
+    ("mirror", -1, SLOW),
+    ("glass", 3, SLOW),
+    ("glass", 8, ()),
+    ("leaves", -1, ()),
+    ("pane", -1, SLOW),
+    ("instances", 8, SLOW),
+    ("constant", 8, SLOW),
+    ("point", 8, SLOW),
+    ("room", 3, SLOW),
+    ("room", -1, SLOW),
+    ("sun", 8, SLOW),
+    ("lamp", 8, ()),
+    ("caustics", 8, SLOW),
+]
+
+
+@pytest.mark.parametrize(("name", "depth"), [pytest.param(n, d, marks=m) for n, d, m in CASES])
+def test_same_mean_as_path(name: str, depth: int) -> None:
+    compare(name, MORE.get(name, 64), max_depth=depth)
+
+
+@SLOW
+@pytest.mark.parametrize("rr_depth", [1, 2])
+def test_paths_that_end_at_random(rr_depth: int) -> None:
+    compare("diffuse", 128, max_depth=-1, rr_depth=rr_depth)
+
+
+@SLOW
+@pytest.mark.parametrize("depth", [3, 8])
+def test_hidden_lights(depth: int) -> None:
+    compare("hidden", 64, max_depth=depth, hide_emitters=True)
+
+
+@SLOW
+@pytest.mark.parametrize("spp", [1, 3])
+def test_few_samples(spp: int) -> None:
+    compare("diffuse", 26 * spp, 26, max_depth=8)
+
+
+@SLOW
+@pytest.mark.parametrize("variant", ["llvm_ad_mono", "llvm_ad_spectral"])
+@pytest.mark.parametrize("name", ["roughplastic", "lamp"])
+def test_other_variants(name: str, variant: str) -> None:
+    mi.set_variant(variant)
+    compare(name, MORE.get(name, 64), max_depth=8)
+
+
+def test_launches_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", 24 * 18 * 12)
+    compare("diffuse", max_depth=3)
+
+
+def test_one_segment_more_than_direct_light_is_left_out_at_depth_2() -> None:
+    lit = mi.load_dict(scene_dict("roughplastic"))
+    ours = runs(lit, {"type": "path_stratified", "max_depth": 2}, 4, 2, 0)
+    np.testing.assert_allclose(ours, runs(lit, {"type": "direct_stratified"}, 4, 2, 0), rtol=1e-4, atol=1e-5)
+
+
+def furnace(bsdf: dict[str, Any]) -> mi.Scene:
+    """White things in a world that is 1 everywhere: nothing can be seen of them."""
+    description = scene_dict("diffuse", EVEN)
+    for name in ("ball", "box", "floor"):
+        description[name]["bsdf"] = {"type": "twosided", "of": bsdf}
+    description["sky"]["scale"] = 1.0
+    return mi.load_dict(description)
+
+
+@pytest.mark.parametrize(
+    "bsdf",
+    [
+        {"type": "diffuse", "reflectance": 1.0},
+        pytest.param({"type": "conductor"}, marks=SLOW),
+        pytest.param({"type": "blendbsdf", "weight": 0.4, "a": {"type": "diffuse", "reflectance": 1.0},
+                      "b": {"type": "diffuse", "reflectance": 1.0}}, marks=SLOW),
+    ],
+    ids=["white", "mirror", "blend"],
+)  # fmt: skip
+def test_a_white_furnace(bsdf: dict[str, Any]) -> None:
+    images = runs(furnace(bsdf), {"type": "path_stratified"}, 64, RUNS, 0)
+    assert np.isfinite(images).all()
+    blocks = images.mean(axis=3).reshape(RUNS, 3, 4, 3, 6).mean(axis=(2, 4)).reshape(RUNS, -1)  # of 24 pixels
+    noisy = blocks.std(axis=0) > 1e-5
+    assert blocks[:, ~noisy] == pytest.approx(1, abs=1e-4)
+    if noisy.any():
+        means = np.concatenate([blocks[:, noisy], blocks.mean(axis=1, keepdims=True)], axis=1)
+        assert stats.ttest_1samp(means, 1, axis=0).pvalue.min() > sidak(means.shape[1])
+        assert abs(means.mean() - 1) < 0.002
