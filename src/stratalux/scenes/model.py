@@ -131,8 +131,8 @@ class Part:
     `normals` (V, 3) float64 shading normals of any length, or None where the file brings none. NaN stands for a normal
     that a vertex of the file does not have. `uvs`: coordinates (V, 2) of textures, by the numbers of their sets, in the
     sense of :class:`Texture`. `colours` (V, 4): linear, with alpha. `tangents` (V, 4): the direction of u, and the
-    sign of the bitangent, as in glTF. `material`: None where the file says nothing of it. `name`: of messages. `flat`: all
-    edges are sharp where there are no normals, instead of those that bend much.
+    sign of the bitangent, as in glTF. `material`: None where the file says nothing of it. `name`: of messages.
+    `flat`: all edges are sharp where there are no normals, instead of those that bend much.
     """
 
     vertices: Floats

@@ -75,9 +75,9 @@ def load_object(path: str | Path, up: str | None = None) -> Object:
 
     `up` names the axis of the file that points up ('x', 'y', 'z', '-x', '-y', '-z'); by default what the file says or
     its format is known for: y, but z for .stl as is usual in CAD. Shading normals are those of the file, or else smooth
-    across edges that bend less than `CREASE_DEGREES`, but flat in glTF, which asks for that. Faces without area and vertices without a face are dropped. What
-    is `FAR` from the origin is centred there. Raises InputError for a file that is missing, unreadable, truncated, of
-    another format, or without a surface.
+    across edges that bend less than `CREASE_DEGREES`, but flat in glTF, which asks for that. Faces without area and
+    vertices without a face are dropped. What is `FAR` from the origin is centred there. Raises InputError for a file
+    that is missing, unreadable, truncated, of another format, or without a surface.
     """
     path = Path(path)
     try:
