@@ -39,7 +39,7 @@ def volume(mesh: TriangleMesh) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
-@pytest.mark.parametrize("extension", FORMATS)
+@pytest.mark.parametrize("extension", [suffix for suffix in FORMATS if not suffix.startswith(".usd")])
 def test_every_format_reads_back_the_same_surface(tmp_path: Path, extension: str) -> None:
     box = trimesh.creation.box((1, 2, 3))
     mesh = load_mesh(written(tmp_path, box, extension), up="y")
