@@ -106,7 +106,9 @@ def reference(variant: str, name: str, properties: tuple[tuple[str, Any], ...]) 
 
 
 def compare(name: str, spp: int = 64, more: int = 1, **properties: Any) -> None:
-    """``more`` renders in place of each of the usual ones, with as many samples less."""
+    """``more`` renders in place of each of the usual ones, with as many samples less; of many samples, sums in single
+    precision are off by more than the noise of what the camera sees of the map."""
+    more = max(more, spp // 256)
     lit = mi.load_dict(SCENES[name]())
     images = runs(lit, {"type": "path_stratified", **properties}, spp // more, RUNS * more, 0)
     theirs = reference(mi.variant(), name, tuple(properties.items()))
