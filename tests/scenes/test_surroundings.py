@@ -23,7 +23,7 @@ EVEN = np.full((8, 16, 3), 0.5, dtype=np.float32)
 def picture(tmp_path: Path, texels: Any = EVEN, **settings: Any) -> Any:
     (tmp_path / "a.obj").write_text(OBJ)
     environment = EnvironmentMap.from_array(np.asarray(texels, dtype=np.float32))
-    settings = {"size": (24, 16), "spp": 4, "ground": "none", **settings}
+    settings = {"size": (24, 16), "spp": 4, "ground": "none", "direct": True, **settings}
     return stratalux.render(tmp_path / "a.obj", environment=environment, **settings).image
 
 
@@ -114,7 +114,9 @@ def test_what_is_below(tmp_path: Path, kind: str, share: float) -> None:
 def test_which_pixels_show_the_object(tmp_path: Path, kind: str) -> None:
     (tmp_path / "a.obj").write_text(OBJ)
     environment = EnvironmentMap.from_array(np.ones((8, 16, 3), dtype=np.float32))
-    result = stratalux.render(tmp_path / "a.obj", environment=environment, size=(60, 40), spp=1, ground=kind)
+    result = stratalux.render(
+        tmp_path / "a.obj", environment=environment, size=(60, 40), spp=1, ground=kind, direct=True
+    )
     assert result.object_pixels is not None
     seen = result.object_pixels()
     assert 0.1 < seen.mean() < 0.6
@@ -126,7 +128,9 @@ def test_the_automatic_exposure_is_that_of_the_object(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text(OBJ)
     environment = EnvironmentMap.from_array(np.ones((8, 16, 3), dtype=np.float32))
     stops = [
-        stratalux.render(tmp_path / "a.obj", environment=environment, size=(60, 40), spp=16, background=behind).exposure
-        for behind in ("map", "none", "3,3,3")
+        stratalux.render(
+            tmp_path / "a.obj", environment=environment, size=(60, 40), spp=16, background=behind, direct=True
+        ).exposure
+        for behind in ("map", "none", "0.5,0.5,0.5")
     ]
     np.testing.assert_allclose(stops, stops[0], atol=0.15)
