@@ -56,7 +56,7 @@ def look(part: Part, x: Any, y: Any) -> tuple[mi.BSDF, mi.SurfaceInteraction3f]:
     origin = mi.Point3f(mi.Float(x), mi.Float(y), 5)
     si = scene.ray_intersect(mi.Ray3f(origin, mi.Vector3f(0, 0, -1)))
     assert np.all(si.is_valid().numpy())
-    _alive.append(scene)  # what was hit belongs to it
+    _alive[:] = [scene]  # what was hit belongs to it; of others, Dr.Jit would trace the BSDFs, too
     return shape.bsdf(), si
 
 
