@@ -14,7 +14,7 @@ from ...sampling.recording import one_at_a_time, step_by_step
 from .launch import Launcher
 from .lobes import DIM
 from .sample import AutomaticSample
-from .view import Pilot, Pixels, View, combined, developed, pilot_samples, unsigned
+from .view import Pilot, Pixels, View, pilot_samples
 from .visibility import Visibility
 
 CAMERAS = ("PerspectiveCamera", "ThinLensCamera", "OrthographicCamera", "BatchSensor")
@@ -126,18 +126,7 @@ class Automatic(AutomaticSample):
             return
 
         view.learn()
-        counts = plan.counts.ravel() - few
-        expected = dr.maximum(plan.level, dim)
-        block = view.film.create_block()
-        for k, (start, end) in enumerate(view.launches(counts)):
-            samples = shared if shared is not None else launcher.light_samples(mix(mix(seed) + mi.UInt32(k + 1)))
-            lanes = view.samples(few + start, end - start, seed, expected, samples)
-            L = lanes.L + dr.gather(mi.Float, plan.share, lanes.pixel) * lanes.difference
-            weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, unsigned(counts), lanes.pixel)))
-            view.put(block, lanes, L, lanes.alpha, weight)
-            dr.eval(block.tensor())
-            done = end.reshape(plan.counts.shape)
-            yield combined(first, developed(block), few, done), few + float(done.mean())
+        yield from view.later(first, few, plan.counts - few, seed, dr.maximum(plan.level, dim), shared, plan.share)
 
     def _launcher_of(self, scene: mi.Scene, sensor: mi.Sensor) -> Launcher:
         if self._launcher is None or self._launcher.scene is not scene or self._launcher.sensor is not sensor:

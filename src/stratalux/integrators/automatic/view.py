@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from ...sampling.points import mix
 from .adaptive import Plan, plan_samples
 from .launch import Launch, Launcher
 from .look import Look
@@ -92,6 +93,31 @@ class View:
         assert self.counts is not None
         self.learned = Visibility.learn(self.counts)
         self.counts = None
+
+    def later(
+        self,
+        first: Pixels,
+        few: int,
+        counts: NDArray[np.int64],
+        seed: mi.UInt32,
+        expected: mi.Float,
+        shared: mi.Float | None,
+        share: mi.Float | None = None,
+    ) -> Iterator[tuple[Pixels, float]]:
+        """Launch by launch, the image so far and its samples per pixel, where ``counts`` (H, W) follow the ``few`` of
+        the image ``first``. ``share`` of the variate's difference that counts in each pixel; none unless given."""
+        block = self.film.create_block()
+        for k, (start, end) in enumerate(self.launches(counts.ravel())):
+            samples = shared if shared is not None else self.launcher.light_samples(mix(mix(seed) + mi.UInt32(k + 1)))
+            lanes = self.samples(few + start, end - start, seed, expected, samples)
+            L = lanes.L
+            if share is not None:
+                L = L + dr.gather(mi.Float, share, lanes.pixel) * lanes.difference
+            weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, unsigned(counts.ravel()), lanes.pixel)))
+            self.put(block, lanes, L, lanes.alpha, weight)
+            dr.eval(block.tensor())
+            done = end.reshape(counts.shape)
+            yield combined(first, developed(block), few, done), few + float(done.mean())
 
     def put(
         self, block: mi.ImageBlock, lanes: Lanes, value: mi.Spectrum, alpha: mi.Bool | mi.Float, weight: mi.Float

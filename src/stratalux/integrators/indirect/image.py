@@ -12,7 +12,7 @@ import numpy as np
 from ...sampling.points import mix
 from ..automatic.nested_strata import PixelPoints
 from ..automatic.sample import AllocatedLight, AutomaticSample
-from ..automatic.view import Pilot, Pixels, View, combined, developed, pilot_samples, unsigned
+from ..automatic.view import Pilot, Pixels, View, pilot_samples
 from ..light_samples import FreshLight
 from ..other_emitters import OtherEmitters
 from ..sight import Sight
@@ -83,16 +83,7 @@ class IndirectImage:
             return
 
         counts = pilot.plan(dim, spp, direct).counts - few
-        block = view.film.create_block()
-        expected = dr.opaque(mi.Float, dim)
-        for k, (start, end) in enumerate(view.launches(counts.ravel())):
-            samples = shared if shared is not None else self._launcher.light_samples(mix(mix(seed) + mi.UInt32(k + 1)))
-            lanes = view.samples(few + start, end - start, seed, expected, samples)
-            weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, unsigned(counts.ravel()), lanes.pixel)))
-            view.put(block, lanes, lanes.L, lanes.alpha, weight)
-            dr.eval(block.tensor())
-            done = end.reshape(counts.shape)
-            yield combined(first, developed(block), few, done), few + float(done.mean())
+        yield from view.later(first, few, counts, seed, dr.opaque(mi.Float, dim), shared)
 
 
 def added(direct: Pixels, rest: Pixels) -> Pixels:
