@@ -38,7 +38,7 @@ class Case:
         return "surface" if self.ground else "image"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Suite:
     """A set of cases, and how thoroughly they are measured.
 
@@ -54,18 +54,18 @@ class Suite:
 
     name: str
     cases: tuple[Case, ...]
-    open_cases: tuple[Case, ...]
-    size: tuple[int, int]
-    preview_size: tuple[int, int]
+    open_cases: tuple[Case, ...] = ()
+    size: tuple[int, int] = (120, 80)
+    preview_size: tuple[int, int] = (112, 84)
     reference_spp: int
-    ladder: tuple[int, ...]
-    most: int
-    screened: int
-    finalists: int
+    ladder: tuple[int, ...] = (16, 64, 256)
+    most: int = 1024
+    screened: int = 4
+    finalists: int = 2
     repeats: int
     seconds: float
-    floor_spp: int
-    preparation: tuple[tuple[int, int, int, int], ...]
+    floor_spp: int = 16
+    preparation: tuple[tuple[int, int, int, int], ...] = ()
     depth: int = 2
 
     @property
@@ -82,16 +82,9 @@ QUICK = Suite(
         Case("venice", "polished", "buddha"),
     ),
     open_cases=(Case("grace", "metal", "teapot", ground=False),),
-    size=(120, 80),
-    preview_size=(112, 84),
     reference_spp=4096,
-    ladder=(16, 64, 256),
-    most=1024,
-    screened=4,
-    finalists=2,
     repeats=3,
     seconds=45.0,
-    floor_spp=16,
     preparation=((1024, 512, 1024, 5),),
 )
 """All materials, four maps and all scenes, in a few minutes."""
@@ -108,16 +101,9 @@ FULL = Suite(
             ("teapot", "polished", "forest"),
         )
     ),
-    size=(120, 80),
-    preview_size=(112, 84),
     reference_spp=2048,
-    ladder=(16, 64, 256),
-    most=1024,
-    screened=4,
-    finalists=2,
     repeats=2,
     seconds=35.0,
-    floor_spp=16,
     preparation=((1024, 512, 1024, 11), (16384, 8192, 1024, 3)),
 )
 """Every map in every material in every scene."""
@@ -129,18 +115,9 @@ LIGHT = Suite(
         for material, scene in (("diffuse", "buddha"), ("plastic", "teapot"), ("metal", "buddha"))
         for m in ("grace", "sky", "studio")
     ),
-    open_cases=(),
-    size=(120, 80),
-    preview_size=(112, 84),
     reference_spp=4096,
-    ladder=(16, 64, 256),
-    most=1024,
-    screened=4,
-    finalists=2,
     repeats=2,
     seconds=90.0,
-    floor_spp=16,
-    preparation=(),
     depth=8,
 )
 """The whole light, three maps in three materials."""
