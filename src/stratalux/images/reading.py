@@ -29,6 +29,8 @@ _PIXEL_BYTES = 12
 _MOST_COMPRESSED = 100_000
 """Bytes of pixels to a byte of file that no compression reaches."""
 _SPACE = re.compile(r"(lin|srgb|g\d+)_(\w+?)_(scene|display)")
+WHOLE = {"uint8": 255, "uint16": 65535}
+"""Whole numbers that images are stored in, and the largest of each kind."""
 _ORIENTATIONS = {
     2: (False, False, True),
     3: (False, True, True),
@@ -161,6 +163,12 @@ def read_stored(path: Path, most: int, reader: Reader, alpha: bool = False) -> t
     half = part["types"][choice.channels[0]] == "half"
     image.largest = float(np.finfo(np.float16).max) if half else None
     return image, part, choice
+
+
+def codes(pixels: NDArray[np.float32], kind: str) -> NDArray[Any]:
+    """The whole numbers of that ``kind`` (see :data:`WHOLE`) that the file has: the reader makes fractions of them."""
+    scaled = np.clip(pixels, 0, 1) * np.float32(WHOLE[kind])
+    return np.rint(scaled, out=scaled).astype(kind)
 
 
 def read_radiance(path: Path, most: int, reader: Reader) -> Image:

@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from .reader import Reader
-from .reading import check_size, default_memory, on_one_line
-
-_CODES: dict[str, tuple[Any, int]] = {"uint8": (np.uint8, 255), "uint16": (np.uint16, 65535)}
+from .reading import WHOLE, check_size, codes, default_memory, on_one_line
 
 
 @dataclass(frozen=True)
@@ -85,13 +83,13 @@ def _read(path: Path, name: str, most: int, reader: Reader) -> Texels:
     channels = _order(part["channels"])
     pixels: NDArray[Any] = reader.pixels(path, part, 0, channels, (x, x + width), (y, y + height))
     kind = part["types"][channels[0]]
-    code = _CODES.get(kind)
-    if code is not None:
-        pixels = np.rint(np.clip(pixels, 0, 1) * np.float32(code[1])).astype(code[0])
+    whole = kind in WHOLE
+    if whole:
+        pixels = codes(pixels, kind)
     elif not np.isfinite(pixels).all():
         raise InputError(f"{name}: a texel is not a finite number; repair the image")
     space = str(part["attributes"].get("oiio:ColorSpace", "")).lower()
-    return Texels(pixels, code is not None and not space.startswith(("lin", "raw", "data")))
+    return Texels(pixels, whole and not space.startswith(("lin", "raw", "data")))
 
 
 def _order(names: list[str]) -> list[int]:

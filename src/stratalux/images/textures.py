@@ -16,9 +16,16 @@ from numpy.typing import NDArray
 
 from . import radiance
 from .reader import Reader
-from .reading import default_memory, on_one_line, read_radiance, read_stored, repair_image, to_linear
-
-_LARGEST_WHOLE = {"uint8": 255, "uint16": 65535}
+from .reading import (
+    WHOLE,
+    codes,
+    default_memory,
+    on_one_line,
+    read_radiance,
+    read_stored,
+    repair_image,
+    to_linear,
+)
 
 
 @dataclass
@@ -45,11 +52,10 @@ def read_texture(path: str | Path, max_memory: int | None = None, reader: Reader
             return Texture(image.pixels, False, image.said)
         image, part, choice = read_stored(path, most, process)
     kind = part["types"][choice.channels[0]]
-    if kind in _LARGEST_WHOLE and not choice.chroma:
+    if kind in WHOLE and not choice.chroma:
         if str(part["attributes"].get("oiio:ColorSpace", "")).startswith("lin_"):
             image.said.append("says that it is linear, and is taken for sRGB unless raw")
-        whole = image.pixels * np.float32(_LARGEST_WHOLE[kind])
-        return Texture(np.rint(whole, out=whole).astype(kind), True, image.said)
+        return Texture(codes(image.pixels, kind), True, image.said)
     to_linear(image, choice, None, part["attributes"].get("chromaticities"))
     repair_image(image)
     pixels = image.pixels.astype(np.float16) if kind == "half" else image.pixels
