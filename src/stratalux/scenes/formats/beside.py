@@ -19,8 +19,7 @@ def file_beside(folder: Path, name: str, base: Path | None = None) -> Path | Non
     if last in ("", ".", ".."):
         return None
     bases = list(dict.fromkeys([base or folder, folder]))
-    top = os.path.normpath(folder.absolute())
-    places = [each / name for each in bases if _is_below(each / name, top)] + [each / last for each in bases]
+    places = [each / name for each in bases if is_below(each / name, folder)] + [each / last for each in bases]
     for place in places:
         if os.path.isfile(place):
             return place
@@ -32,5 +31,7 @@ def file_beside(folder: Path, name: str, base: Path | None = None) -> Path | Non
     return None
 
 
-def _is_below(place: Path, top: str) -> bool:
-    return os.path.commonpath([top, os.path.normpath(place.absolute())]) == top
+def is_below(file: str | Path, folder: Path) -> bool:
+    """Whether a path leads to the folder or to what is in it."""
+    top = os.path.abspath(folder)
+    return os.path.commonpath([top, os.path.abspath(file)]) == top

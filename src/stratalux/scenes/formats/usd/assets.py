@@ -8,7 +8,7 @@ from pathlib import Path
 from pxr import Ar, Sdf
 
 from ...model import Picture
-from ..beside import file_beside
+from ..beside import file_beside, is_below
 
 
 class Assets:
@@ -29,15 +29,11 @@ class Assets:
     def _found(self, name: str, resolved: str) -> Picture | None:
         if Ar.IsPackageRelativePath(resolved):
             package, inner = Ar.SplitPackageRelativePathOuter(resolved)
-            if not self._is_below(package):
+            if not is_below(package, self._folder):
                 return None
             opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved))
             return Picture(os.path.basename(inner), data=bytes(opened.GetBuffer())) if opened else None
-        if resolved and self._is_below(resolved) and os.path.isfile(resolved):
+        if resolved and is_below(resolved, self._folder) and os.path.isfile(resolved):
             return Picture(os.path.basename(resolved), Path(resolved))
         path = file_beside(self._folder, name) if name else None
         return Picture(path.name, path) if path else None
-
-    def _is_below(self, file: str) -> bool:
-        top = os.path.abspath(self._folder)
-        return os.path.commonpath([top, os.path.abspath(file)]) == top
