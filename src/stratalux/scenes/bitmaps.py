@@ -75,6 +75,11 @@ class Bitmaps:
         texels = self._read(texture.picture)
         return None if texels is None else _decoded(texels, texture, channels)
 
+    def brightest(self, texture: Texture) -> float | None:
+        """The largest number that the image has for a colour, as it is stored, or None if it cannot be read."""
+        texels = self._read(texture.picture)
+        return None if texels is None else float(texels.colours().max(initial=0))
+
     def of_pixels(self, pixels: NDArray[Any], texture: Texture, sets: Mapping[int, str | None], colour: bool) -> Any:
         """A texture of given pixels (H, W) or (H, W, 3) that lies as `texture` does.
 

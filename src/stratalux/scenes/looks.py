@@ -63,8 +63,8 @@ class Looks:
         if max(value.factor) <= 0 and max(value.offset) <= 0:
             return None
         if value.texture is not None:
-            texels = self._bitmaps.raw(value.texture)
-            if texels is None or texels.max(initial=0) <= 0 >= max(value.offset):
+            brightest = self._bitmaps.brightest(value.texture)
+            if brightest is None or brightest <= 0 >= max(value.offset):
                 return None
         return {"type": "area", "radiance": self._bitmaps.colour(value, sets, None)}
 
