@@ -89,9 +89,11 @@ def load_object(path: str | Path, up: str | None = None) -> Object:
 def load_mesh(path: str | Path, up: str | None = None) -> TriangleMesh:
     """All shapes of a file as one mesh, joined where they stand, without what they are made of; see `load_object`."""
     shapes = load_object(path, up).shapes
+    count = sum(len(shape.mesh.vertices) * len(shape.places) for shape in shapes)
+    if count > np.iinfo(np.uint32).max:
+        raise InputError(f"{path}: {count} vertices are too many for one mesh; make it smaller")
     try:
-        meshes = [shape.mesh.transformed(place) for shape in shapes for place in shape.places]
-        return joined(meshes)
+        return joined([shape.mesh.transformed(place) for shape in shapes for place in shape.places])
     except MemoryError:
         raise InputError(f"{path}: its triangles do not fit into memory; make it smaller") from None
 
@@ -99,8 +101,6 @@ def load_mesh(path: str | Path, up: str | None = None) -> TriangleMesh:
 def joined(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
     """Meshes that have normals as one, without their attributes."""
     firsts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
-    if firsts[-1] > np.iinfo(np.uint32).max:
-        raise InputError(f"{firsts[-1]} vertices are too many for one mesh; make it smaller")
     return TriangleMesh(
         np.concatenate([mesh.vertices for mesh in meshes]),
         np.concatenate([mesh.faces + np.uint32(first) for mesh, first in zip(meshes, firsts, strict=False)]),
