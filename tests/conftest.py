@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 import stratalux  # noqa: F401  (registers the plugins)
+from tests.variants import RGB
 
 # No example fails for being slow, and none is there because an earlier run had found it.
 settings.register_profile("tests", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
@@ -18,7 +19,7 @@ settings.load_profile("tests")
 
 @pytest.fixture(autouse=True)
 def variant() -> Iterator[None]:
-    mi.set_variant("llvm_ad_rgb")
+    mi.set_variant(RGB)
     yield
 
 

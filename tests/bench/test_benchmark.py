@@ -20,6 +20,7 @@ from stratalux.bench.preparation import synthetic_map
 from stratalux.bench.scenes import load_setting
 from tests.bench.made_up import TINY, bench_result, make_assets
 from tests.helpers import asset, run
+from tests.variants import RGB
 
 
 @pytest.fixture(autouse=True)
@@ -32,7 +33,7 @@ def few_configurations(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_run_measures_everything_and_resumes(tmp_path: Path) -> None:
     assets = make_assets(tmp_path / "assets")
     told: list[float] = []
-    options = {"assets": assets, "folder": tmp_path / "out", "cache": tmp_path / "cache", "variant": "llvm_ad_rgb"}
+    options = {"assets": assets, "folder": tmp_path / "out", "cache": tmp_path / "cache", "variant": RGB}
     result = bench.run(TINY, **options, progress=lambda done, what: told.append(done))
     assert told == sorted(told) and told[-1] == pytest.approx(1)
     assert result == bench.BenchResult.read(tmp_path / "out/results.json")

@@ -22,6 +22,7 @@ from stratalux.images.metrics import relative_mse, rmse, why_no_flip
 from stratalux.integrators import plugins, techniques
 from stratalux.integrators.techniques import Property, Technique
 from tests.helpers import scene_dict
+from tests.variants import MONO, RGB
 
 ENTRIES = ("stratified:proposals=1", "stratified:proposals=2", "direct", "path")
 RAYS = (16, 4)
@@ -34,7 +35,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def compared(cache: Path) -> Comparison:
-    mi.set_variant("llvm_ad_rgb")
+    mi.set_variant(RGB)
     return small(ENTRIES, cache, rays=RAYS, repeats=3, reference_spp=1024, name="ball")
 
 
@@ -312,7 +313,7 @@ def test_an_interrupted_write_leaves_what_was_there(
 
 
 def test_one_channel(cache: Path, tmp_path: Path) -> None:
-    mi.set_variant("llvm_ad_mono")
+    mi.set_variant(MONO)
     description = scene_dict()
     description["sensor"]["film"]["pixel_format"] = "luminance"
     result = stratalux.compare(

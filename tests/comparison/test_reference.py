@@ -22,6 +22,7 @@ from stratalux.comparison.reference import (
 )
 from stratalux.errors import CacheWarning
 from tests.helpers import hall_map, runs, scene_dict
+from tests.variants import MONO
 
 DIRECT = choose_estimator(())
 
@@ -113,7 +114,7 @@ def test_the_key_follows_the_content() -> None:
     changed += [scene(texels=texels), scene(size=(25, 16)), scene(material="plastic"), scene(material="roughplastic")]
     keys = [key] + [reference_key(other, DIRECT, 16) for other in changed]
     keys += [reference_key(scene(), DIRECT, 17), reference_key(scene(), {**DIRECT, "bsdf_samples": 2}, 16)]
-    mi.set_variant("llvm_ad_mono")
+    mi.set_variant(MONO)
     keys.append(reference_key(scene(), DIRECT, 16))
     assert len(set(keys)) == len(keys)
 

@@ -17,13 +17,14 @@ import numpy as np
 
 from stratalux.cli import main as command
 from tests.fuzz.scenes import damaged_scene, make_files
+from tests.variants import RGB
 
 MOST = 1 << 31
 """Bytes of memory."""
 
 
 def main(folder: Path, first: int, last: int) -> None:
-    mi.set_variant("llvm_ad_rgb")
+    mi.set_variant(RGB)
     make_files(folder)
     os.chdir(folder)
     told = os.fdopen(os.dup(1), "w")

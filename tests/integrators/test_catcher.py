@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from stratalux import InputError
 from stratalux.integrators.catcher import CatcherCache
 from tests.helpers import hall_map, runs, scene_dict
+from tests.variants import SPECTRAL
 
 AUTOMATIC = {"type": "direct_stratified"}
 PINNED = {"type": "direct_stratified", "strata": 16}
@@ -188,7 +189,7 @@ def test_what_cannot_be_a_catcher() -> None:
     with pytest.raises((InputError, RuntimeError)) as stop:
         picture(of, PINNED)
     assert "no environment map" in str(stop.value) + str(stop.value.__cause__)
-    mi.set_variant("llvm_ad_spectral")
+    mi.set_variant(SPECTRAL)
     with pytest.raises(InputError, match="RGB"):
         CatcherCache("floor")
     with pytest.raises(RuntimeError, match="a picture has RGB colours"):

@@ -12,16 +12,18 @@ import numpy as np
 import pytest
 
 from tests.helpers import MATERIALS, PATIENCE, lamp, scene_dict
+from tests.variants import RGB, SPECTRAL
 
 LANES = 1 << 14
 
 RENDER = """
 import gc
+import sys
 import mitsuba as mi
 import numpy as np
 import stratalux
 
-mi.set_variant("llvm_ad_rgb")
+mi.set_variant(sys.argv[1])
 
 
 def scene():
@@ -50,7 +52,7 @@ assert mi.render(lit, integrator=integrator, spp=1, seed=1).numpy().mean() > 0.9
 
 def test_no_scene_of_the_past_is_freed_while_a_kernel_is_traced() -> None:
     """Dr.Jit would end the process."""
-    command = [sys.executable, "-c", RENDER]
+    command = [sys.executable, "-c", RENDER, RGB]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.returncode == 0, done.stderr
 
@@ -67,7 +69,7 @@ def test_what_resampling_follows() -> None:
     from stratalux.integrators.common import target
 
     assert target(mi.Spectrum(1, 2, 4)).numpy() == pytest.approx(0.212671 + 2 * 0.715160 + 4 * 0.072169)
-    mi.set_variant("llvm_ad_spectral")
+    mi.set_variant(SPECTRAL)
     assert target(mi.Spectrum(1, 2, 4, 9)).numpy() == pytest.approx(4)
 
 

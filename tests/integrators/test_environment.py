@@ -14,11 +14,12 @@ from stratalux import EnvironmentMap, EnvironmentMapWarning, InputError
 from stratalux.integrators.environment import MapCache
 from stratalux.maps.geometry import map_coordinates
 from tests.helpers import assert_same_mean, hall_map, runs, scene_dict, sun_map
+from tests.variants import RGB, SPECTRAL
 
 OURS = {"type": "direct_stratified", "strata": 16}
 
 
-@pytest.mark.parametrize("variant", ["llvm_ad_rgb", pytest.param("llvm_ad_spectral", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("variant", [RGB, pytest.param(SPECTRAL, marks=pytest.mark.slow)])
 def test_updates_are_followed(variant: str) -> None:
     mi.set_variant(variant)
     scene = mi.load_dict(scene_dict("diffuse"))
@@ -122,7 +123,7 @@ def test_one_texel_brighter_than_any_light_is_right(integrator: dict[str, Any]) 
 
 
 def test_the_density_of_a_spectral_map_is_its_mean_over_wavelengths() -> None:
-    mi.set_variant("llvm_ad_spectral")
+    mi.set_variant(SPECTRAL)
     grey = np.linspace(0, 8, 5 * 8, dtype=np.float32).reshape(5, 8)
     scene = mi.load_dict({"type": "scene", "sky": {"type": "envmap", "bitmap": mi.Bitmap(np.dstack([grey] * 3))}})
     built: list[EnvironmentMap] = []
@@ -137,7 +138,7 @@ def test_the_density_of_a_spectral_map_is_its_mean_over_wavelengths() -> None:
 
 
 def test_a_negative_spectral_map_has_a_density_of_0_there() -> None:
-    mi.set_variant("llvm_ad_spectral")
+    mi.set_variant(SPECTRAL)
     from stratalux.integrators.environment import _rgb_texels
 
     emitter = mi.load_dict({"type": "envmap", "bitmap": mi.Bitmap(np.full((4, 8, 3), 0.5, dtype=np.float32))})

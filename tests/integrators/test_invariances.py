@@ -10,11 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.helpers import assert_same_mean, hall_map, runs, scene_dict
+from tests.variants import RGB
 
 AUTOMATIC = {"type": "direct_stratified"}
 PINNED = {"type": "direct_stratified", "strata": 16, "proposals": 2, "bsdf_samples": 1}
 IMPORTANCE = {"type": "direct_importance", "samples": 8, "proposals": 16, "bsdf_samples": 1}
-mi.set_variant("llvm_ad_rgb")
+mi.set_variant(RGB)
 RUNS = 32
 FLOOR = {
     "type": "rectangle",

@@ -9,6 +9,7 @@ import pytest
 
 from stratalux.maps.geometry import direction
 from tests.helpers import hall_map
+from tests.variants import MONO, RGB, SPECTRAL
 
 
 def emitter() -> mi.Emitter:
@@ -120,7 +121,7 @@ def test_the_first_texel_of_a_texture_is_at_uv_0_0() -> None:
     np.testing.assert_allclose(texture.eval(si).numpy().T, texels.reshape(4, 3), atol=1e-6)
 
 
-@pytest.mark.parametrize("variant", ["llvm_ad_rgb", "llvm_ad_mono", "llvm_ad_spectral"])
+@pytest.mark.parametrize("variant", [RGB, MONO, SPECTRAL])
 def test_a_changed_map_is_a_new_array(variant: str) -> None:
     mi.set_variant(variant)
     light = emitter()

@@ -15,6 +15,7 @@ from stratalux.integrators.techniques import parse_technique
 from stratalux.rendering.passes import technique_of
 from stratalux.rendering.settings import SamplingSettings
 from tests.helpers import scene_dict
+from tests.variants import MONO, RGB
 
 
 def picture(description: dict[str, Any], spp: int = 4, seed: int = 0, **properties: Any) -> NDArray[np.float32]:
@@ -34,6 +35,12 @@ def test_as_many_samples_as_asked_for(spp: int) -> None:
     result = render(mi.load_dict(scene_dict()), integrator=integrator, spp=spp)
     assert abs(result.spp - spp) <= max(1, spp // 8)
     assert np.isfinite(result.image).all()
+
+
+def test_variants_may_change() -> None:
+    for variant in (RGB, MONO):
+        mi.set_variant(variant)
+        assert picture(scene_dict(), spp=2, max_depth=3).mean() > 0.01
 
 
 def test_a_scene_of_nothing_is_its_map() -> None:

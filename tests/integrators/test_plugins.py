@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.helpers import PATIENCE, scene_dict
+from tests.variants import RGB
 
 RENDER = (
     "scene = mi.load_dict({'type': 'scene', 'i': {'type': 'direct_stratified', 'strata': 4}, 's': {'type': 'sphere'},"
@@ -20,7 +21,7 @@ RENDER = (
 
 
 def run(program: str) -> None:
-    command = [sys.executable, "-c", program]
+    command = [sys.executable, "-c", f"RGB = {RGB!r}\n{program}"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.returncode == 0, done.stderr
 
@@ -28,11 +29,11 @@ def run(program: str) -> None:
 @pytest.mark.parametrize(
     "program",
     [
-        "import stratalux, mitsuba as mi, numpy as np\nmi.set_variant('llvm_ad_rgb')\n" + RENDER,
-        "import mitsuba as mi, numpy as np, stratalux\nmi.set_variant('llvm_ad_rgb')\n" + RENDER,
-        "import mitsuba as mi, numpy as np\nmi.set_variant('llvm_ad_rgb')\nimport stratalux\n" + RENDER,
+        "import stratalux, mitsuba as mi, numpy as np\nmi.set_variant(RGB)\n" + RENDER,
+        "import mitsuba as mi, numpy as np, stratalux\nmi.set_variant(RGB)\n" + RENDER,
+        "import mitsuba as mi, numpy as np\nmi.set_variant(RGB)\nimport stratalux\n" + RENDER,
         "import stratalux, mitsuba as mi, numpy as np\n"
-        "for variant in ('llvm_ad_rgb', 'scalar_rgb', 'llvm_ad_mono', 'llvm_ad_rgb'):\n"
+        "for variant in (RGB, 'scalar_rgb', RGB.replace('rgb', 'mono'), RGB):\n"
         "    mi.set_variant(variant)\n" + RENDER,
     ],
     ids=["before", "after import", "after variant", "changes"],

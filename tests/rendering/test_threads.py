@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.helpers import PATIENCE
+from tests.variants import RGB
 
 PROGRAM = """
 import sys, threading
@@ -17,7 +18,7 @@ import mitsuba as mi
 import numpy as np
 import stratalux
 from tests.helpers import scene_dict
-mi.set_variant("llvm_ad_rgb")
+mi.set_variant(sys.argv[2])
 count = int(sys.argv[1])
 scenes = [mi.load_dict(scene_dict(("diffuse", "roughconductor")[k % 2], size=(30, 20))) for k in range(count)]
 def render(k, seed):
@@ -43,7 +44,7 @@ print("the same")
 @pytest.mark.parametrize("count", [2, 4])
 def test_threads_render_what_one_does(count: int) -> None:
     root = Path(__file__).parents[2]
-    env = {**os.environ, "PYTHONPATH": str(root)}
-    command = [sys.executable, "-c", PROGRAM, str(count)]
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(root), os.environ.get("PYTHONPATH", "")])}
+    command = [sys.executable, "-c", PROGRAM, str(count), RGB]
     done = subprocess.run(command, env=env, cwd=root, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.returncode == 0 and done.stdout.strip() == "the same", done.stderr[-2000:]

@@ -11,11 +11,12 @@ import pytest
 from stratalux.errors import InputError
 from stratalux.reproduce import ITEMS, TINY, reproduce
 from tests.reproduce.data import make_assets
+from tests.variants import RGB, SPECTRAL
 
 
 @pytest.fixture(scope="module")
 def assets(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    mi.set_variant("llvm_ad_rgb")
+    mi.set_variant(RGB)
     return make_assets(tmp_path_factory.mktemp("assets"))
 
 
@@ -90,7 +91,7 @@ def test_bad_input(tmp_path: Path, assets: Path, monkeypatch: pytest.MonkeyPatch
         reproduce(["fig1"], tmp_path / "file", assets=assets)
     with pytest.raises(InputError, match="is not empty, and holds no reproduction"):
         reproduce(["fig1"], tmp_path, assets=assets)
-    mi.set_variant("llvm_ad_spectral")
-    with pytest.raises(InputError, match="llvm_ad_spectral: the paper's figures are in RGB"):
+    mi.set_variant(SPECTRAL)
+    with pytest.raises(InputError, match=f"{SPECTRAL}: the paper's figures are in RGB"):
         reproduce(["fig1"], tmp_path / "out", assets=assets)
     assert not (tmp_path / "out").exists()

@@ -14,6 +14,7 @@ import pytest
 from stratalux.sampling import recording
 from stratalux.sampling.recording import no_garbage_collection, one_at_a_time, recorded, step_by_step
 from tests.helpers import PATIENCE
+from tests.variants import MONO
 
 
 @pytest.fixture
@@ -65,7 +66,7 @@ def test_a_function_is_traced_once_for_each_variant() -> None:
     for x in ([1.0, 2.0], [3.0, 4.0], [5.0, 6.0, 7.0]):
         assert double(values(*x)).numpy().tolist() == [2 * v for v in x]
     assert ran == [False]  # nor was any garbage collected
-    mi.set_variant("llvm_ad_mono")
+    mi.set_variant(MONO)
     assert double(values(8.0, 9.0)).numpy().tolist() == [16, 18]
     assert len(ran) == 2
 

@@ -17,6 +17,7 @@ from stratalux.errors import InputError, SceneWarning
 from stratalux.scenes.camera import LEAST_DISTANCE, MARGIN, camera_frame, own_camera, sensor
 from stratalux.scenes.model import Camera
 from stratalux.scenes.settings import CameraSettings
+from tests.variants import RGB
 
 CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (0, 2) for z in (-1, 1)], dtype=float)
 SIDEWAYS = np.array([[0, 0, 1, 1], [0, 1, 0, 2], [-1, 0, 0, 3], [0, 0, 0, 1.0]])
@@ -30,7 +31,7 @@ WIDE = replace(CAMERA, aspect=2.0)
 @pytest.fixture(autouse=True)
 def variant() -> Iterator[None]:
     before = mi.variant()
-    mi.set_variant("llvm_ad_rgb")
+    mi.set_variant(RGB)
     yield
     if before is not None:
         mi.set_variant(before)

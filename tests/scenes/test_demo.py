@@ -8,6 +8,7 @@ import pytest
 
 from stratalux.errors import InputError
 from stratalux.scenes.demo import demo_map, demo_mesh, demo_scene
+from tests.variants import RGB
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -97,7 +98,7 @@ def test_too_few_subdivisions_are_an_input_error() -> None:
 
 def test_the_demo_renders_the_same_every_time() -> None:
     before = mi.variant()
-    mi.set_variant("llvm_ad_rgb")
+    mi.set_variant(RGB)
     try:
         images = [
             np.array(mi.render(mi.load_dict({**demo_scene((60, 40), 8, 128), "integrator": {"type": "direct"}})))

@@ -18,6 +18,7 @@ from stratalux.scenes.mesh import TriangleMesh, smooth_shaded
 from stratalux.scenes.shapes import load_mesh
 from stratalux.scenes.stage import stage, standing
 from tests.helpers import asset
+from tests.variants import MONO, RGB, SPECTRAL
 
 SKY = {"type": "constant"}
 
@@ -25,7 +26,7 @@ SKY = {"type": "constant"}
 @pytest.fixture(autouse=True)
 def variant() -> Iterator[None]:
     before = mi.variant()
-    mi.set_variant("llvm_ad_rgb")
+    mi.set_variant(RGB)
     yield
     if before is not None:
         mi.set_variant(before)
@@ -110,7 +111,7 @@ def test_the_ground_fills_the_frame_below_the_horizon() -> None:
     assert coverage(scene, 60, 40).all()
 
 
-@pytest.mark.parametrize("name", ["llvm_ad_rgb", "llvm_ad_mono", "llvm_ad_spectral"])
+@pytest.mark.parametrize("name", [RGB, MONO, SPECTRAL])
 @pytest.mark.parametrize("with_normals", [True, False])
 def test_a_mesh_comes_over_in_every_variant(name: str, with_normals: bool) -> None:
     mi.set_variant(name)

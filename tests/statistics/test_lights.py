@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from stratalux import EnvironmentMap, InputError
 from stratalux.rigs import RIGS, light_rig
 from tests.helpers import runs, scene_dict
+from tests.variants import MONO, RGB, SPECTRAL
 
 
 def smooth_map() -> NDArray[np.float32]:
@@ -21,7 +22,7 @@ def smooth_map() -> NDArray[np.float32]:
 
 @pytest.fixture(scope="module")
 def scene() -> mi.Scene:
-    mi.set_variant("llvm_ad_rgb")
+    mi.set_variant(RGB)
     return mi.load_dict(scene_dict("diffuse", smooth_map()))
 
 
@@ -79,10 +80,10 @@ def test_the_light_of_one_light_is_the_light_of_the_map() -> None:
 
 
 def test_mono_renders_and_spectral_is_refused() -> None:
-    mi.set_variant("llvm_ad_mono")
+    mi.set_variant(MONO)
     scene = mi.load_dict(scene_dict("diffuse", smooth_map()))
     ours = runs(scene, {"type": "direct_lights", "lights": 256}, 16, 2, 0).mean()
     assert ours == pytest.approx(runs(scene, {"type": "direct"}, 1024, 2, 0).mean(), rel=0.02)
-    mi.set_variant("llvm_ad_spectral")
+    mi.set_variant(SPECTRAL)
     with pytest.raises((RuntimeError, InputError), match="RGB or monochromatic"):
         mi.load_dict({"type": "direct_lights"})

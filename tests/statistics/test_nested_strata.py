@@ -23,6 +23,7 @@ from tests.helpers import (
     scene_dict,
     sun_map,
 )
+from tests.variants import MONO, SPECTRAL
 
 RUNS = 32
 SLOW = pytest.mark.slow
@@ -71,7 +72,7 @@ def test_with_an_area_light(material: str) -> None:
     assert_same_mean(ours, reference(material, lit_by_lamp=True))
 
 
-@pytest.mark.parametrize("variant", ["llvm_ad_mono", pytest.param("llvm_ad_spectral", marks=SLOW)])
+@pytest.mark.parametrize("variant", [MONO, pytest.param(SPECTRAL, marks=SLOW)])
 def test_other_variants(variant: str) -> None:
     mi.set_variant(variant)
     # Dark pixels get their light from rare events: many runs, so that some have them.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from tests.helpers import MATERIALS, assert_same_mean, lamp, runs, scene_dict, sidak, sun_map
+from tests.variants import MONO, SPECTRAL
 
 RUNS = 32
 SLOW = pytest.mark.slow
@@ -174,7 +175,7 @@ def test_few_samples(spp: int) -> None:
 
 
 @SLOW
-@pytest.mark.parametrize("variant", ["llvm_ad_mono", "llvm_ad_spectral"])
+@pytest.mark.parametrize("variant", [MONO, SPECTRAL])
 @pytest.mark.parametrize("name", ["roughplastic", "lamp"])
 def test_other_variants(name: str, variant: str) -> None:
     mi.set_variant(variant)

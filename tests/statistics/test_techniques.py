@@ -9,8 +9,9 @@ import pytest
 
 from stratalux.integrators.techniques import parse_technique, techniques
 from tests.helpers import assert_same_mean, lamp, reference, runs, scene_dict
+from tests.variants import MONO, RGB, SPECTRAL
 
-mi.set_variant("llvm_ad_rgb")
+mi.set_variant(RGB)
 OF_THEIR_OWN = ("direct", "stratified", "path-stratified")
 """The other side, and those that have tests of their own."""
 UNBIASED = [name for name, technique in techniques().items() if technique.unbiased and name not in OF_THEIR_OWN]
@@ -76,7 +77,7 @@ def test_area_lights_are_counted_once(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["stratified:strata=8,bsdf_samples=1", "importance:samples=4,proposals=16"])
-@pytest.mark.parametrize("variant", ["llvm_ad_mono", pytest.param("llvm_ad_spectral", marks=SLOW)])
+@pytest.mark.parametrize("variant", [MONO, pytest.param(SPECTRAL, marks=SLOW)])
 def test_other_variants(variant: str, text: str) -> None:
     mi.set_variant(variant)
     technique, given = parse_technique(text)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.helpers import assert_same_mean, asset, direct, lamp, reference, runs, scene_dict, sun_map
+from tests.variants import MONO, SPECTRAL
 
 RUNS = 32
 SLOW = pytest.mark.slow
@@ -85,7 +86,7 @@ def test_a_sun() -> None:
     assert_same_mean(ours, direct(description))
 
 
-@pytest.mark.parametrize("variant", [pytest.param("llvm_ad_mono", marks=pytest.mark.slow), "llvm_ad_spectral"])
+@pytest.mark.parametrize("variant", [pytest.param(MONO, marks=pytest.mark.slow), SPECTRAL])
 def test_other_variants(variant: str) -> None:
     mi.set_variant(variant)
     scene = mi.load_dict(scene_dict("roughplastic"))

@@ -25,6 +25,7 @@ from tests.helpers import (
     sidak,
     sun_map,
 )
+from tests.variants import MONO, SPECTRAL
 
 RUNS = 24
 SAMPLES = 200_000
@@ -182,7 +183,7 @@ def test_with_an_area_light_and_delta_lobes() -> None:
     assert_same_mean(runs(scene, wavelet(16), 128, RUNS, 0), small_direct("plastic", lamp=lamp()))
 
 
-@pytest.mark.parametrize("variant", ["llvm_ad_mono", pytest.param("llvm_ad_spectral", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("variant", [MONO, pytest.param(SPECTRAL, marks=pytest.mark.slow)])
 def test_other_variants(variant: str) -> None:
     mi.set_variant(variant)
     scene = small_scene("roughplastic")

@@ -8,6 +8,7 @@ import drjit as dr
 import mitsuba as mi
 
 from ..errors import InputError
+from .environment import looked_up
 
 Background = Any
 """``map``, ``none``, an emitter around the scene, or a texture that lies over the film."""
@@ -55,7 +56,7 @@ class Light:
         it = dr.zeros(mi.SurfaceInteraction3f)
         it.wi = -ray.d
         it.wavelengths = ray.wavelengths
-        return self._emitter.eval(it, active)
+        return looked_up(lambda lanes: self._emitter.eval(it, lanes), active)
 
 
 class Nothing:
@@ -90,7 +91,7 @@ class Plate:
         si = dr.zeros(mi.SurfaceInteraction3f)
         si.uv = film_position(self._sensor, ray)
         si.wavelengths = ray.wavelengths
-        return self._texture.eval(si, active)
+        return looked_up(lambda lanes: self._texture.eval(si, lanes), active)
 
 
 def film_position(sensor: mi.Sensor, ray: mi.Ray3f) -> mi.Point2f:

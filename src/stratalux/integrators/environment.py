@@ -47,14 +47,14 @@ class MapLight(Generic[T]):
             return self.radiance_towards(d, si, active)
         ds = dr.zeros(mi.DirectionSample3f)
         ds.uv = uv
-        return self.emitter.eval_direction(si, ds, active)
+        return looked_up(lambda lanes: self.emitter.eval_direction(si, ds, lanes), active)
 
     def radiance_towards(self, d: mi.Vector3f, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Spectrum:
         """Radiance L that arrives from the direction ``d`` of the world."""
         it = dr.zeros(mi.SurfaceInteraction3f)
         it.wi = -d
         it.wavelengths = si.wavelengths
-        return self.emitter.eval(it, active)
+        return looked_up(lambda lanes: self.emitter.eval(it, lanes), active)
 
     def arrays(self) -> tuple[Any, ...]:
         """What kernels read, but for the tables."""
@@ -63,6 +63,17 @@ class MapLight(Generic[T]):
     def from_world(self, d: mi.Vector3f) -> mi.Vector3f:
         """A direction of the world in the frame of the map."""
         return self.to_world.inverse() @ d
+
+
+def looked_up(lookup: Callable[[mi.Bool], mi.Spectrum], active: mi.Bool | bool) -> mi.Spectrum:
+    """What an emitter or a texture itself, not a pointer to one, tells of the lanes that are ``active``, else 0.
+
+    On a GPU it tells all lanes, as its textures clamp what they are asked for: with a mask, they would abort what
+    :func:`drjit.freeze` records (Dr.Jit 1.5.0).
+    """
+    if dr.backend_v(mi.Float) == dr.JitBackend.CUDA:
+        return dr.select(active, lookup(mi.Bool(True)), 0)
+    return lookup(mi.Bool(active))
 
 
 def image_emitter(scene: mi.Scene) -> mi.Emitter | None:

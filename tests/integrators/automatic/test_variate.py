@@ -9,6 +9,7 @@ import pytest
 from stratalux.maps.geometry import direction
 from stratalux.maps.irradiance import clamped_cosine
 from tests.helpers import hall_map
+from tests.variants import MONO, RGB
 
 
 def test_the_polynomial_is_that_of_the_clamped_cosine() -> None:
@@ -20,7 +21,7 @@ def test_the_polynomial_is_that_of_the_clamped_cosine() -> None:
     assert np.abs(P - np.maximum(t, 0)).max() < 0.1
 
 
-@pytest.mark.parametrize("variant", ["llvm_ad_rgb", "llvm_ad_mono"])
+@pytest.mark.parametrize("variant", [RGB, MONO])
 def test_the_integral_is_that_of_the_map_times_the_polynomial(variant: str) -> None:
     mi.set_variant(variant)
     from stratalux.integrators.automatic.variate import MatteVariate

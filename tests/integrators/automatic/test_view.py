@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.helpers import scene_dict
+from tests.variants import MONO, RGB, SPECTRAL
 
 
 def test_a_pilot_is_a_power_of_two_of_a_small_part() -> None:
@@ -145,13 +146,13 @@ def test_samples_are_put_where_they_are(rfilter: str, crop: dict[str, int]) -> N
         ({"sensor": {"type": "radiancemeter"}}, False),
         ({"sensor": {"type": "orthographic"}}, True),
         ({"sample_border": True}, False),
-        ({"variant": "llvm_ad_spectral"}, False),
-        ({"variant": "llvm_ad_mono"}, True),
+        ({"variant": SPECTRAL}, False),
+        ({"variant": MONO}, True),
         ({"sky": {"type": "constant"}}, False),
     ],
 )
 def test_what_it_adapts_to(change: dict[str, Any], adapts: bool) -> None:
-    mi.set_variant(change.pop("variant", "llvm_ad_rgb"))
+    mi.set_variant(change.pop("variant", RGB))
     description = scene_dict()
     if "sample_border" in change:
         description["sensor"]["film"]["sample_border"] = True

@@ -31,7 +31,7 @@ class PathLauncher(Launcher):
         L = dr.zeros(mi.Spectrum, dr.width(launch.pixel))
         lanes = dr.compress(way.alive)
         if len(lanes):
-            some = dr.gather(Way, way, lanes)
+            some = way.at(lanes)
             index, pixel = dr.gather(mi.UInt32, launch.index, lanes), dr.gather(mi.UInt32, launch.pixel, lanes)
             dr.eval(some, index, pixel)
             brought = self.replayed(self._follow, some, index, pixel, launch.seed, launch.shared)

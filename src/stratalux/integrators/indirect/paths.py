@@ -37,6 +37,14 @@ class Way:
         self.ray, self.β, self.η = dr.zeros(mi.Ray3f), mi.Spectrum(1), mi.Float(1)
         self.met, self.alive = mi.UInt32(0), mi.Bool(False)
 
+    def at(self, lanes: mi.UInt32) -> Way:
+        """Those of the ``lanes`` alone."""
+        some = Way()
+        for name in self.DRJIT_STRUCT:
+            value = getattr(self, name)  # of the active variant's type, which need not be that of the import
+            setattr(some, name, dr.gather(type(value), value, lanes))
+        return some
+
 
 class Paths:
     r"""What arrives along camera rays after two scatterings or more.

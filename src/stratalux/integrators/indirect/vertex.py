@@ -9,7 +9,7 @@ from ...sampling.leaf_sampler import LeafSampler
 from ...sampling.points import mix, shuffle, van_der_corput
 from ..automatic.nested_strata import PixelPoints, Survivor
 from ..common import LEAST, target
-from ..environment import MapLight
+from ..environment import MapLight, looked_up
 from ..light_samples import FreshLight, SharedLight
 from ..other_emitters import OtherEmitters
 from ..straight import Scene, arriving
@@ -82,9 +82,10 @@ class VertexLight:
         """Weighted radiance of what a sample of the BSDF at ``before`` has ``hit``; of that ``pdf``, or ``delta``."""
         value, weight, lit = self._others.found(self._scene, before, hit, pdf, delta, active)
         L = dr.select(lit, value * weight, 0)
-        if self._light is not None:
+        light = self._light
+        if light is not None:
             bare = active & ~hit.is_valid() & ~delta
-            value = self._light.emitter.eval(hit, bare)
+            value = looked_up(lambda lanes: light.emitter.eval(hit, lanes), bare)
             L += dr.select(bare, value * (pdf / dr.maximum(pdf + self._density(target(value)), LEAST)), 0)
         return L
 
