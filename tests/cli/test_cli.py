@@ -669,8 +669,9 @@ def test_a_few_samples_less_than_asked_for_are_no_interruption() -> None:
     """Where the samples of a pixel follow its error, their mean comes out near what was asked for."""
     from types import SimpleNamespace
 
-    from stratalux.cli.render import _watch
-    from stratalux.rendering.settings import SamplingSettings
+    from stratalux.cli.watch import watch
 
-    done = SimpleNamespace(spp=63, spp_total=64, camera_rays=1, shadow_rays=1, seconds=1.0)
-    assert _watch(lambda: iter([done]), SamplingSettings(), quiet=True) == (done, False)
+    done = SimpleNamespace(
+        spp=63, spp_total=64, camera_rays=1, shadow_rays=1, seconds=1.0, picture=None, error=None, enough=False
+    )
+    assert watch(lambda: iter([done]), None, quiet=True) == (done, 0)

@@ -10,7 +10,6 @@ import pytest
 
 import stratalux
 from stratalux import InputError
-from stratalux.rendering import passes as rendering
 from tests.helpers import scene_dict
 
 
@@ -25,15 +24,16 @@ def test_passes_add_up_to_one_image(monkeypatch: pytest.MonkeyPatch, pixel_forma
     gaussian = scene(rfilter={"type": "gaussian"}, pixel_format=pixel_format)
     whole = stratalux.render(gaussian, strata=8, spp=8, seed=3)
     assert whole.spp == whole.spp_total == 8
-    monkeypatch.setattr(rendering, "_SAMPLES_PER_PASS", 2 * 8 * 18 * 12)
+    monkeypatch.setattr("stratalux.rendering.steps._SAMPLES_PER_PASS", 2 * 8 * 18 * 12)
     passes = list(stratalux.render_passes(gaussian, strata=8, spp=7, seed=3))
     assert [p.spp for p in passes] == [1, 2, 4, 6, 7]  # the first are smaller
     # The same film, fed by hand with the same seeds.
     integrator = mi.load_dict({"type": "direct_stratified", "strata": 8})
     sums = 0
     film = gaussian.sensors()[0].film()
-    for k, count in enumerate((1, 1, 2, 2, 1)):
-        integrator.render(gaussian, gaussian.sensors()[0], seed=3 + k, spp=count, develop=False, evaluate=True)
+    seeds = [3, *((3 * 0x9E3779B1 + k) % (1 << 32) for k in range(1, 5))]
+    for count, pass_seed in zip((1, 1, 2, 2, 1), seeds, strict=True):
+        integrator.render(gaussian, gaussian.sensors()[0], seed=pass_seed, spp=count, develop=False, evaluate=True)
         sums = sums + np.array(film.develop(raw=True))
     weight = sums[..., -1:]
     expected = (sums / weight)[..., :-1]
@@ -50,7 +50,7 @@ def test_the_same_seed_gives_the_same_image() -> None:
 
 
 def test_leaving_the_loop_keeps_what_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rendering, "_SAMPLES_PER_PASS", 1)
+    monkeypatch.setattr("stratalux.rendering.steps._SAMPLES_PER_PASS", 1)
     for result in stratalux.render_passes(scene(), strata=4, spp=5):
         if result.spp == 2:
             break

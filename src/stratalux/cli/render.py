@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import signal
+import os
 import sys
+import tempfile
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
+from ..errors import InputError
 from ..images.settings import OutputSettings
 from ..rendering.settings import MachineSettings, PictureSettings, SamplingSettings
 from ..scenes.settings import CameraSettings, SceneSettings, check_source
-from .flags import flags
-from .progress import progress_bar
+from .flags import Number, flags
+from .watch import Keeper, watch
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,6 +40,19 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="File to write, .exr .png .jpg .webp .tif .hdr or .pfm; repeat for several.  [default: SCENE.exr]",
 )
+@click.option(
+    "--checkpoint",
+    metavar="FILE",
+    help="Keep the picture in the making there, to go on with.  [default: OUTPUT.checkpoint, from two minutes on]",
+)
+@click.option(
+    "--checkpoint-every",
+    type=Number(0),
+    default=60.0,
+    metavar="SECONDS",
+    help="How often.  [default: 60]",
+)
+@click.option("--resume", metavar="FILE", help="Go on from a checkpoint of the same picture.")
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 @click.option("-v", "--verbose", is_flag=True, help="Show Mitsuba's log.")
 def render(
@@ -46,6 +62,9 @@ def render(
     image: OutputSettings,
     machine: MachineSettings,
     outputs: tuple[str, ...],
+    checkpoint: str | None,
+    checkpoint_every: float,
+    resume: str | None,
     quiet: bool,
     verbose: bool,
 ) -> None:
@@ -53,7 +72,8 @@ def render(
 
     A model looks as its file says, and stands in its shadow on what is behind it. Light is traced by path_stratified,
     with the depth and the other settings that the integrator of an XML file has, or by direct_stratified where that is
-    of direct light. Ctrl-C stops after the current pass and keeps what is done.
+    of direct light. Ctrl-C stops after the current pass and keeps what is done. What takes longer than two minutes is
+    kept in a checkpoint every minute: if the process is killed, the same command goes on with --resume.
 
     \b
     Examples:
@@ -62,11 +82,21 @@ def render(
       stratalux render demo --direct -o direct.png
       stratalux render teapot.obj --env grace.exr --orbit 120,30 --fov 50 -o side.png
       stratalux render truck.glb --env studio.hdr --orbit 60,20 --background blur:5 -o truck.jpg
+      stratalux render demo --target-error 0.01 -o demo.exr
+      stratalux render demo --time 8h --checkpoint night.checkpoint -o demo.exr
       stratalux render part.stl --up z --env studio.hdr --material metal --strata 32 --proposals 8
       stratalux render demo --technique importance:samples=32,proposals=128 -o importance.png
       stratalux render matpreview.xml -D spp=64 --env forest.hdr --env-rotate 90 -o preview.exr
     """
-    from ..images.files import check_bits, check_different, check_float32, check_output, is_picture
+    from ..images.files import (
+        CHECKPOINT,
+        check_bits,
+        check_different,
+        check_float32,
+        check_output,
+        check_writable,
+        is_picture,
+    )
 
     if quiet and verbose:
         raise click.UsageError("--quiet and --verbose: one asks for nothing, the other for Mitsuba's log; give one")
@@ -75,34 +105,58 @@ def render(
     for path in paths:
         check_bits(path, image)
     check_float32(paths, image)
-    check_different(paths, [scene.source, *([scene.environment] if scene.environment else [])])
+    beside = paths[0].name if len(os.fsencode(paths[0].name)) < 240 else "stratalux"
+    kept = Path(checkpoint or resume or paths[0].with_name(beside + CHECKPOINT))
+    inputs = [scene.source, *([scene.environment] if scene.environment else [])]
+    check_different([*paths, kept], inputs)
+    if checkpoint is not None:
+        check_writable(kept)
     picture = PictureSettings(scene, camera, sampling, image, machine)
-    result, stopped = _watch(lambda: _passes(picture, paths, verbose), sampling, quiet=quiet)
+    keeper = Keeper(kept, checkpoint is not None, checkpoint_every, expected=resume is not None)
+    result, stopped = watch(lambda: _passes(picture, paths, resume, verbose), keeper, quiet=quiet)
     if result is None:
         print("stratalux: interrupted before the first pass was done; nothing to keep", file=sys.stderr)
-        sys.exit(130)
+        sys.exit(128 + stopped)
     if lost := _without_numbers(result):
         print(f"stratalux: warning: {lost} pixel(s) are not finite numbers; something is too bright", file=sys.stderr)
     stops = result.exposure if any(is_picture(path, result.output) for path in paths) else None
-    for path in paths:
-        result.write(path, **({} if stops is None else {"exposure": stops}))
-    if not quiet:
+    lost_places = [told for path in paths if (told := _written(result, path, stops))]
+    if not quiet and not lost_places:
         rays = result.camera_rays + result.shadow_rays
         seconds = max(result.seconds, 1e-9)
         click.echo(
-            f"{result.spp} spp in {result.seconds:.2f} s with {result.picture.machine.variant} "
+            f"{result.spp} spp in {result.seconds:.2f} s with {result.variant} "
             f"(preparation {result.preparation_seconds:.2f} s, compilation {result.compile_seconds:.2f} s): "
             f"up to {rays / 1e6:.1f} M rays, {rays / seconds / 1e6:.1f} M rays/s, "
             f"{result.camera_rays / seconds / 1e6:.2f} M samples/s"
         )
         exposed = "" if stops is None or image.exposure is not None else f"; exposure {stops:+.2f} stops (automatic)"
         size = f"; the object is {result.measure}" if result.measure else ""
-        click.echo("wrote " + ", ".join(map(str, paths)) + exposed + size)
+        error = "" if result.error is None else f"; relative standard error of a pixel {100 * result.error:.2g} %"
+        click.echo("wrote " + ", ".join(map(str, paths)) + exposed + size + error)
+    if lost_places:
+        raise InputError("; ".join(lost_places))
     if stopped:
-        sys.exit(130)
+        sys.exit(128 + stopped)
 
 
-def _passes(picture: PictureSettings, paths: list[Path], verbose: bool) -> Iterator[RenderResult]:
+def _written(result: RenderResult, path: Path, stops: float | None) -> str:
+    """Write the image, elsewhere if its place has gone meanwhile, or is full: it has taken long. What went wrong."""
+    given = {} if stops is None else {"exposure": stops}
+    try:
+        result.write(path, **given)
+        return ""
+    except (OSError, InputError) as error:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    for folder in (Path.home(), Path(tempfile.gettempdir())):
+        with suppress(OSError, InputError):
+            elsewhere = Path(tempfile.mkdtemp(prefix="stratalux-", dir=folder)) / path.name
+            result.write(elsewhere, **given)
+            return f"{path}: cannot be written any more ({why}); the image is in {elsewhere}"
+    return f"{path}: cannot be written any more ({why}), and nothing in {Path.home()} or {tempfile.gettempdir()} either"
+
+
+def _passes(picture: PictureSettings, paths: list[Path], resume: str | None, verbose: bool) -> Iterator[RenderResult]:
     """The passes of a picture, whose scene is loaded; a bad name is told before that."""
     import mitsuba as mi
 
@@ -111,7 +165,7 @@ def _passes(picture: PictureSettings, paths: list[Path], verbose: bool) -> Itera
     activate(picture.machine)
     mi.set_log_level(mi.LogLevel.Info if verbose else mi.LogLevel.Error)
     technique_of(picture.sampling)
-    return _checked(render_passes(picture), paths)
+    return _checked(render_passes(picture, resume=resume), paths)
 
 
 def _checked(passes: Iterator[RenderResult], paths: list[Path]) -> Iterator[RenderResult]:
@@ -129,45 +183,3 @@ def _without_numbers(result: RenderResult) -> int:
     import numpy as np
 
     return int(np.count_nonzero(~np.isfinite(result.image).all(axis=-1)))
-
-
-def _watch(start: Any, sampling: SamplingSettings, *, quiet: bool) -> tuple[Any, bool]:
-    """Run the passes that ``start`` gives under a progress bar; the last result, and whether Ctrl-C ended it early."""
-    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    interrupted = False
-
-    def interrupt(*_: object) -> None:
-        nonlocal interrupted
-        if interrupted:  # the second time, at once
-            raise KeyboardInterrupt
-        interrupted = True
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TextColumn("{task.fields[spp]}"),
-        TextColumn("{task.fields[rate]}"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    previous = signal.getsignal(signal.SIGINT)
-    result = None
-    try:
-        with progress_bar(*columns, quiet=quiet) as progress:
-            task = progress.add_task("loading", total=sampling.spp or None, spp="", rate="")
-            passes = start()
-            signal.signal(signal.SIGINT, interrupt)
-            progress.update(task, description="rendering")
-            for result in passes:
-                rate = f"{(result.camera_rays + result.shadow_rays) / max(result.seconds, 1e-9) / 1e6:.1f} M rays/s"
-                spp = f"{result.spp}/{result.spp_total} spp"
-                progress.update(task, completed=result.spp, total=result.spp_total, spp=spp, rate=rate)
-                if interrupted:
-                    break
-    finally:
-        signal.signal(signal.SIGINT, previous)
-    # Where the samples of a pixel follow its error, there may be a few less in the end than asked for.
-    return result, interrupted and result is not None and result.spp < result.spp_total

@@ -48,6 +48,9 @@ OUTPUT_SUFFIXES = tuple(FORMATS)
 PICTURE_SUFFIXES = tuple(suffix for suffix, kind in FORMATS.items() if kind.bits)
 """Formats of pictures that are looked at: developed, without metadata."""
 
+CHECKPOINT = ".checkpoint"
+"""After the name of an output, of the file that keeps it while it is made."""
+
 _LONGEST_NAME = 255
 """Bytes, in the file systems that people have."""
 

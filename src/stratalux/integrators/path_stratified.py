@@ -15,11 +15,12 @@ from .automatic.image import Automatic
 from .automatic.lobes import DIM, MOST_RAYS
 from .automatic.nested_strata import PixelPoints
 from .automatic.sample import AllocatedLight, AutomaticSample
-from .automatic.view import Pixels
+from .automatic.view import Noise
 from .indirect.image import Indirect, IndirectImage, added
 from .indirect.paths import Paths
 from .other_emitters import OtherEmitters
 from .sight import Sight
+from .sums import UNLIMITED, Memory, Pixels, added_noise
 from .techniques import Property, Technique, properties_from
 
 PATH = Technique(
@@ -131,25 +132,42 @@ class PathStratified(Automatic):
         raise InputError(_NO_DERIVATIVES)
 
     def _passes(
-        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int
-    ) -> Iterator[tuple[Pixels, float]]:
+        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int, memory: Memory
+    ) -> Iterator[tuple[Pixels, float, Noise]]:
         spp = spp or sensor.sampler().sample_count()
         if not self._paths.any:
-            yield from super()._passes(scene, sensor, seed, spp)
+            yield from super()._passes(scene, sensor, seed, spp, memory)
             return
         few, many = max(1, spp // _FEWER), spp * _MORE
-        direct = super()._passes(scene, sensor, seed, few)
+        of_direct, of_paths = spp / few, spp / many  # Samples per pixel that each one stands for
+        if spp >= UNLIMITED:
+            few = many = spp
+        parts = [memory.setdefault(name, {}) for name in ("direct", "paths")]
+        direct = super()._passes(scene, sensor, seed, few, parts[0])
         light = self.prepare(scene)
         assert light is not None
         dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
         image = self._image_of(scene, sensor)
         seed = mix(mi.UInt32(seed) ^ 0x1B873593)
         dr.make_opaque(seed)
-        first, done = next(direct)
-        for rest, rendered in image.passes(light, first, dim, seed, many):
-            yield added(first, rest), spp * (done / few + rendered / many) / 2
-        for first, done in direct:
-            yield added(first, rest), spp * (done / few + rendered / many) / 2
+        first, done, noise = next(direct)
+        if "before" not in memory:
+            memory["before"] = first
+        paths = image.passes(light, memory["before"], dim, seed, many, parts[1])
+        rest, rendered, other = next(paths)
+        while True:
+            yield added(first, rest), (done * of_direct + rendered * of_paths) / 2, added_noise(noise, other)
+            # The part that is behind goes on, or the other one where that has come to its end.
+            ahead = done * of_direct > rendered * of_paths
+            for part in ("paths", "direct") if ahead else ("direct", "paths"):
+                if part == "direct" and (step := next(direct, None)):
+                    first, done, noise = step
+                    break
+                if part == "paths" and (step := next(paths, None)):
+                    rest, rendered, other = step
+                    break
+            else:
+                return
 
     def _image_of(self, scene: mi.Scene, sensor: mi.Sensor) -> IndirectImage:
         if self._image is None or self._image.scene is not scene or self._image.sensor is not sensor:

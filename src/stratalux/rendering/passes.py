@@ -7,7 +7,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,27 +22,24 @@ from ..images.files import is_picture
 from ..images.settings import OutputSettings
 from ..images.writing import automatic_exposure, write_image
 from ..integrators.accelerate import description_of
+from ..integrators.sums import UNLIMITED, Memory
 from ..integrators.techniques import Technique, Value, parse_technique
 from ..scenes.camera import own_camera
 from ..scenes.load import Loaded, load
 from ..scenes.mitsuba_xml import DIRECT, dark_behind
 from ..scenes.surroundings import object_pixels
 from ..settings import documented
+from .checkpoint import Checkpoint, identity_of
 from .settings import (
     GROUPS,
-    LARGEST_SEED,
     METADATA,
     USUAL_DEPTH,
     MachineSettings,
     PictureSettings,
     SamplingSettings,
 )
+from .steps import steps
 from .variants import choose_variant, why_not
-
-_SAMPLES_PER_PASS = 1 << 25
-"""Light samples in one pass: about a second on two cores. A constant, so that a seed always gives the same passes."""
-FIRST = 8
-"""Where there are several passes, the first is smaller by this factor: there is something to keep soon."""
 
 
 @dataclass
@@ -54,7 +51,10 @@ class RenderResult:
     ``camera_rays``, and ``shadow_rays`` towards the environment at most (none is traced where no light can arrive).
     ``picture``: all that the image depends on; with an integrator of a program's own there is None. ``measure``: how
     large the object is, in words, and ``object_pixels`` those (H, W) that show it; of a scene, nothing. ``float32``:
-    whether the scene's film asks for numbers of 32 bits in files.
+    whether the scene's film asks for numbers of 32 bits in files. ``variant``: of Mitsuba. ``earlier_seconds``:
+    that it took before it went on from a checkpoint. ``noise``: see :meth:`~..integrators.sums.Sums.noise`.
+    ``checkpoint``: what goes on from here, see :class:`~.checkpoint.Checkpoint`; there is none with an integrator of a
+    program's own.
     """
 
     bitmap: mi.Bitmap
@@ -70,6 +70,40 @@ class RenderResult:
     measure: str = ""
     object_pixels: Callable[[], NDArray[np.bool_]] | None = None
     float32: bool = False
+    noise: NDArray[np.float32] | None = None
+    earlier_seconds: float = 0.0
+    variant: str = ""
+    checkpoint: Callable[[], Checkpoint] | None = None
+
+    @property
+    def error(self) -> float | None:
+        """Relative standard error of a pixel: the root of the mean square over the object, or over all that is no
+        background, divided by the mean. It is an estimate, from two halves of the passes, and rather too large: see
+        :meth:`~..integrators.sums.Sums.noise`. None before there are two passes, and for what is black."""
+        if self.noise is None:
+            return None
+        mask = None if self.object_pixels is None else self.object_pixels()
+        if mask is None or not mask.any():
+            mask = np.ones(self.noise.shape, dtype=bool)
+        image = self.image[mask]  # (N, C), or (N) of luminance alone
+        mean = float((image[:, : 3 if image.shape[1] > 2 else 1] if image.ndim > 1 else image).mean())
+        return float(np.sqrt(np.mean(np.square(self.noise[mask], dtype=np.float64)))) / mean if mean > 0 else None
+
+    @property
+    def enough(self) -> bool:
+        """Whether it has taken as long, or is as good, as was asked for."""
+        if self.picture is None:
+            return False
+        sampling = self.picture.sampling
+        if sampling.time is not None and self.total_seconds >= sampling.time:
+            return True
+        error = self.error
+        return sampling.target_error is not None and error is not None and error <= sampling.target_error
+
+    @property
+    def total_seconds(self) -> float:
+        """Of preparation, compilation and rendering, those before a checkpoint too."""
+        return self.earlier_seconds + self.preparation_seconds + self.compile_seconds + self.seconds
 
     @property
     def image(self) -> NDArray[np.float32]:
@@ -82,6 +116,7 @@ class RenderResult:
             **self.settings,
             **({METADATA: self.picture.to_text()} if self.picture else {}),
             "spp": self.spp,
+            **({} if self.error is None else {"relativeStandardError": self.error}),
             "seconds": self.seconds,
             "renderTimeSeconds": self.seconds,
             "samplesPerPixel": self.spp,
@@ -116,35 +151,47 @@ class RenderResult:
 
 @documented(*GROUPS.values(), without=("source",))
 def render(
-    scene: mi.Scene | str | Path | PictureSettings, *, integrator: mi.Integrator | None = None, **settings: Any
+    scene: mi.Scene | str | Path | PictureSettings,
+    *,
+    integrator: mi.Integrator | None = None,
+    resume: str | Path | Checkpoint | None = None,
+    **settings: Any,
 ) -> RenderResult:
     """Render ``scene`` and return the complete result.
 
     ``scene``: a loaded ``mi.Scene``, or a Mitsuba XML file, a mesh, or ``"demo"``, which are loaded as
     :func:`stratalux.load_scene` does, or :class:`~.settings.PictureSettings`. An ``integrator`` of your own replaces
-    the technique. Raises :class:`InputError` for a scene without that camera and for a variant that cannot render.
+    the technique. ``resume``: the :class:`~.checkpoint.Checkpoint` of the same picture, to go on from there. Raises
+    :class:`InputError` for a scene without that camera, for a variant that cannot render, and for a checkpoint of
+    another picture.
     """
-    *_, result = render_passes(scene, integrator=integrator, **settings)
+    *_, result = render_passes(scene, integrator=integrator, resume=resume, **settings)
     return result
 
 
 @documented(*GROUPS.values(), without=("source",))
 def render_passes(
-    scene: mi.Scene | str | Path | PictureSettings, *, integrator: mi.Integrator | None = None, **settings: Any
+    scene: mi.Scene | str | Path | PictureSettings,
+    *,
+    integrator: mi.Integrator | None = None,
+    resume: str | Path | Checkpoint | None = None,
+    **settings: Any,
 ) -> Iterator[RenderResult]:
     """Render ``scene`` pass by pass, yielding the image so far after each; leave the loop to stop.
 
-    ``strata`` and ``proposals`` are short for those properties of ``stratified``. ``spp``: 0 for the scene's own. Pass
-    k uses ``seed`` + k. Everything else is as in :func:`render`.
+    ``strata`` and ``proposals`` are short for those properties of ``stratified``. ``spp``: 0 for the scene's own, or,
+    where ``time`` or ``target_error`` is given, for as many as these allow. Everything else is as in :func:`render`.
     """
+    if resume is not None and not isinstance(resume, Checkpoint):
+        resume = Checkpoint.load(resume)
     picture = scene if isinstance(scene, PictureSettings) else _settings(scene, settings)
     shown = picture.scene
     if shown is None:
         loaded = Loaded(scene, _described(scene), own_camera(picture.camera, scene))
-        return _render_passes(loaded, picture, integrator)
+        return _render_passes(loaded, picture, integrator, resume)
     picture = replace(picture, machine=activate(picture.machine))
     loaded = load(shown, picture.camera, picture.machine.max_memory)
-    return _render_passes(loaded, picture, integrator)
+    return _render_passes(loaded, picture, integrator, resume)
 
 
 def _described(scene: Any) -> dict[str, Any] | None:
@@ -166,7 +213,7 @@ def activate(machine: MachineSettings) -> MachineSettings:
 
 
 def _render_passes(
-    loaded: Loaded, picture: PictureSettings, integrator: mi.Integrator | None
+    loaded: Loaded, picture: PictureSettings, integrator: mi.Integrator | None, resume: Checkpoint | None
 ) -> Iterator[RenderResult]:
     scene = loaded.scene
     if loaded.integrator and loaded.integrator.get("hide_emitters"):
@@ -183,9 +230,12 @@ def _render_passes(
     if integrator is None:
         integrator, about, rays_per_sample = _integrator(sampling, loaded)
     film = camera.film()
-    spp = sampling.spp or camera.sampler().sample_count()
+    spp = sampling.spp
+    if spp == 0:
+        limited = sampling.time is not None or sampling.target_error is not None
+        spp = UNLIMITED if limited else camera.sampler().sample_count()
     picture = replace(
-        picture, sampling=replace(sampling, spp=spp), machine=replace(picture.machine, variant=mi.variant())
+        picture, sampling=replace(sampling, spp=spp % UNLIMITED), machine=replace(picture.machine, variant=mi.variant())
     )
     start = time.perf_counter()
     if hasattr(integrator, "prepare") and integrator.prepare(scene) is None:
@@ -195,12 +245,20 @@ def _render_passes(
 
     pixels = int(np.prod(film.crop_size()))
     seconds, compiling = 0.0, 0.0
-    passes = _passes(integrator, scene, camera, sampling.seed, spp, pixels * max(1, work))
+    identity = None if own else cache(partial(identity_of, scene, picture))
+    memory: Memory = {}
+    if resume is not None:
+        if identity is None:
+            raise InputError("resume: an integrator of a program's own cannot be compared; leave one of them out")
+        resume.check(identity())
+        memory = resume.memory
+    shows = cache(partial(object_pixels, scene, camera)) if loaded.measure else None
+    passes = steps(integrator, scene, camera, sampling.seed, spp, pixels * max(1, work), memory)
     while True:
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
             dr.kernel_history_clear()
             start = time.perf_counter()
-            total, done = next(passes, (None, 0.0))
+            total, done, noise = next(passes, (None, 0.0, None))
             if total is None:
                 return
             dr.sync_thread()
@@ -209,7 +267,7 @@ def _render_passes(
         compile_time = sum(kernel.get("codegen_time", 0) + kernel.get("backend_time", 0) for kernel in history) / 1000
         compiling += compile_time
         seconds += elapsed - compile_time
-        yield RenderResult(
+        result = RenderResult(
             bitmap=_develop(film, total),
             spp=round(done),
             spp_total=spp,
@@ -221,9 +279,21 @@ def _render_passes(
             settings={**about, "integrator": " ".join(str(integrator).split()), "seed": sampling.seed},
             picture=None if own else picture,
             measure=loaded.measure,
-            object_pixels=partial(object_pixels, scene, camera) if loaded.measure else None,
+            object_pixels=shows,
             float32="component_format = float32" in str(film),  # it says so nowhere else
+            noise=noise,
+            variant=mi.variant(),
+            earlier_seconds=0.0 if resume is None else resume.seconds,
         )
+        if identity is not None:
+            result.checkpoint = partial(_checkpoint, identity, memory, result.total_seconds)
+        yield result
+        if result.enough:
+            return
+
+
+def _checkpoint(identity: Callable[[], dict[str, Any]], memory: Memory, seconds: float) -> Checkpoint:
+    return Checkpoint(identity(), memory, seconds)
 
 
 def _integrator(sampling: SamplingSettings, loaded: Loaded) -> tuple[mi.Integrator, dict[str, Value], int]:
@@ -268,45 +338,8 @@ def technique_of(
     return technique, given
 
 
-def _passes(
-    integrator: mi.Integrator, scene: mi.Scene, camera: mi.Sensor, seed: int, spp: int, work: int
-) -> Iterator[tuple[mi.TensorXf, float]]:
-    """The raw image so far and its samples per pixel, pass by pass. ``work``: light samples for one per pixel."""
-    if getattr(integrator, "automatic", False) and integrator.adapts_to(scene, camera):
-        for raw, done in integrator.passes(scene, camera, seed, spp):
-            yield mi.TensorXf(raw), done
-        return
-    total: mi.TensorXf | None = None
-    done = 0
-    for k, count in enumerate(_pass_sizes(spp, work)):
-        integrator.render(scene, camera, seed=(seed + k) & LARGEST_SEED, spp=count, develop=False, evaluate=True)
-        raw = camera.film().develop(raw=True)
-        total = raw if total is None else total + raw
-        dr.eval(total)
-        done += int(camera.sampler().sample_count())  # some samplers round up
-        yield total, float(done)
-    # What the last wavefront has left in the sampler would be handed to every kernel that is replayed from then on.
-    camera.sampler().seed(0, 1)
-
-
-def _pass_sizes(spp: int, samples_per_spp: int) -> list[int]:
-    """Samples per pixel of each pass: powers of two, as the kernel is the same for all of those, and a rest.
-
-    Where one pass does not do, the first are smaller and double.
-    """
-    size = max(1, _SAMPLES_PER_PASS // samples_per_spp)
-    size = 1 << (size.bit_length() - 1)
-    if spp <= size:
-        return [spp]
-    first = max(1, size // FIRST)
-    sizes = [first]
-    while (done := sum(sizes)) < spp:
-        sizes.append(min(done, size, spp - done))
-    return sizes
-
-
-def _develop(film: mi.Film, raw: mi.TensorXf) -> mi.Bitmap:
+def _develop(film: mi.Film, raw: NDArray[np.floating[Any]]) -> mi.Bitmap:
     """Develop the weighted sums of several passes as if they had been one."""
     film.prepare([])
-    film.put_block(mi.ImageBlock(raw, film.crop_offset()))
+    film.put_block(mi.ImageBlock(mi.TensorXf(raw.astype(np.float32)), film.crop_offset()))
     return film.bitmap()

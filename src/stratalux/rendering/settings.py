@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -11,17 +12,40 @@ from typing import Any
 from ..errors import InputError
 from ..images.settings import MemorySettings, OutputSettings
 from ..scenes.settings import CameraSettings, SceneSettings
-from ..settings import Settings, command_line, option
+from ..settings import Kind, Settings, command_line, option
 
 METADATA = "stratalux"
 """Under this name an OpenEXR file has the JSON of its :class:`PictureSettings`."""
 
 LARGEST_SEED = (1 << 32) - 1
-MOST_SAMPLES = 1 << 30
+MOST_SAMPLES = (1 << 24) - 1
 MOST_SEGMENTS = 1 << 20
 USUAL_DEPTH = 8
 """Of paths, where nothing tells: what is reflected seven times."""
 MOST_STRATA, MOST_PROPOSALS = 1 << 20, 1 << 16
+
+
+_UNITS = {"d": 86400, "h": 3600, "m": 60, "s": 1}
+_LONGEST = 365 * 86400.0
+
+
+def _duration(value: Any) -> float:
+    try:
+        seconds = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"time: {value!r} is none; give seconds") from None
+    if not 0 < seconds <= _LONGEST:
+        raise InputError(f"time: {value} s is out of range; give more than 0 s, and a year at most")
+    return seconds
+
+
+def _parse_duration(text: str) -> float:
+    match = re.fullmatch("".join(rf"(?:(\d+(?:\.\d+)?){unit})?" for unit in _UNITS), text)
+    if re.fullmatch(r"\d+(\.\d*)?|\.\d+", text):
+        return _duration(text)
+    if match is None or not any(match.groups()):
+        raise InputError(f"'{text}' is no duration; write seconds, or for example 90s, 30m, 1h30m")
+    return _duration(sum(float(n) * unit for n, unit in zip(match.groups(), _UNITS.values(), strict=True) if n))
 
 
 @dataclass(frozen=True)
@@ -59,6 +83,19 @@ class SamplingSettings(Settings):
         minimum=1,
         maximum=MOST_SAMPLES,
         default_text="the scene's own, or 64",
+    )
+    time: float | None = option(
+        None,
+        "Stop after so long: seconds, or as in 90s, 30m, 1h30m.",
+        "--time",
+        kind=Kind("DURATION", _parse_duration, _duration, lambda seconds: f"{seconds:.15g}s"),
+    )
+    target_error: float | None = option(
+        None,
+        "Stop when a pixel of the object has this relative standard error, as far as the passes tell.",
+        "--target-error",
+        minimum=1e-6,
+        maximum=10,
     )
     seed: int = option(0, "Seed of the random numbers.", "--seed", minimum=0, maximum=LARGEST_SEED)
     hide_emitters: bool = option(False, "Leave the map out of the background.", "--hide-emitters")

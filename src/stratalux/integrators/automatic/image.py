@@ -11,10 +11,11 @@ import numpy as np
 
 from ...sampling.points import mix
 from ...sampling.recording import one_at_a_time, step_by_step
+from ..sums import Memory, Pixels
 from .launch import Launcher
 from .lobes import DIM
 from .sample import AutomaticSample
-from .view import Pilot, Pixels, View, pilot_samples
+from .view import Noise, Pilot, View, pilot_samples
 from .visibility import Visibility
 
 CAMERAS = ("PerspectiveCamera", "ThinLensCamera", "OrthographicCamera", "BatchSensor")
@@ -53,7 +54,7 @@ class Automatic(AutomaticSample):
             sensor = scene.sensors()[sensor]
         if not self.adapts_to(scene, sensor):
             return self._plain.render(scene, sensor, seed, spp, develop, evaluate)
-        *_, (raw, _) = self.passes(scene, sensor, seed, spp)
+        *_, (raw, *_) = self.passes(scene, sensor, seed, spp)
         film = sensor.film()
         film.prepare([])
         film.put_block(mi.ImageBlock(mi.TensorXf(raw), film.crop_offset()))
@@ -86,17 +87,25 @@ class Automatic(AutomaticSample):
         return not (mi.is_spectral or special or film.sample_border()) and self.prepare(scene) is not None
 
     def passes(
-        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32 = 0, spp: int = 0
-    ) -> Iterator[tuple[Pixels, float]]:
-        """Render launch by launch: the image so far, with the film's channels and weights, and its samples per pixel.
+        self,
+        scene: mi.Scene,
+        sensor: mi.Sensor,
+        seed: int | mi.UInt32 = 0,
+        spp: int = 0,
+        memory: Memory | None = None,
+    ) -> Iterator[tuple[Pixels, float, Noise]]:
+        """Render launch by launch: the image so far, with the film's channels and weights, its samples per pixel, and
+        its noise (:meth:`~..sums.Sums.noise`).
 
-        Only what :meth:`adapts_to` can be rendered so.
+        ``spp``: :data:`~..sums.UNLIMITED` for as many as are asked for. ``memory``: begins empty, and is of all that is
+        done whenever there is an image; with a memory of the same picture it goes on from there. Only what
+        :meth:`adapts_to` can be rendered so.
         """
-        return step_by_step(self._passes(scene, sensor, seed, spp))
+        return step_by_step(self._passes(scene, sensor, seed, spp, {} if memory is None else memory))
 
     def _passes(
-        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int
-    ) -> Iterator[tuple[Pixels, float]]:
+        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int, memory: Memory
+    ) -> Iterator[tuple[Pixels, float, Noise]]:
         spp = spp or sensor.sampler().sample_count()
         light = self.prepare(scene)
         assert light is not None
@@ -111,22 +120,27 @@ class Automatic(AutomaticSample):
         # As neighbours' errors choose the number of a pixel's samples, they may share those of the map only where all
         # do, the pilot's and the later ones: with any such set fixed, pixels are independent.
         shared = launcher.light_samples(mix(~seed)) if view.at_once(spp) else None
-        if few < spp:
+        dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
+        if few < spp and "first" not in memory:
             view.counts = Visibility.nothing(view.width, view.height)
-        grey = light.tables.energy / (4 * np.pi) * float(light.scale[0])
-        pilot = Pilot(view, few, min(PARTS, few), shared, grey)
-        dim = DIM * grey
-        for rendered in pilot.passes(seed, dim):
-            if rendered < few:
-                yield pilot.image(0), rendered
-        plan = pilot.plan(dim, spp)
-        first = pilot.image(plan.share.numpy().reshape(plan.counts.shape))
-        yield first, float(few)
+        if "first" not in memory:
+            pilot = Pilot(view, few, min(PARTS, few), shared, dim / DIM)
+            for rendered in pilot.passes(seed, dim):
+                if rendered < few:
+                    yield pilot.image(0), rendered, None
+            plan = pilot.plan(dim, spp)
+            memory["first"] = pilot.image(plan.share.numpy().reshape(plan.counts.shape))
+            memory["counts"], memory["level"], memory["share"] = plan.counts, plan.level.numpy(), plan.share.numpy()
+            memory["learned"] = view.learn()
+        yield memory["first"], float(few), None
         if few == spp:
             return
 
-        view.learn()
-        yield from view.later(first, few, plan.counts - few, seed, dr.maximum(plan.level, dim), shared, plan.share)
+        view.learned = mi.Float(memory["learned"])
+        level, share = mi.Float(memory["level"]), mi.Float(memory["share"])
+        yield from view.later(
+            memory["first"], few, memory["counts"] - few, seed, dr.maximum(level, dim), shared, share, memory
+        )
 
     def _launcher_of(self, scene: mi.Scene, sensor: mi.Sensor) -> Launcher:
         if self._launcher is None or self._launcher.scene is not scene or self._launcher.sensor is not sensor:

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from ...sampling.exact import ExactSums
 from ...sampling.points import mix
+from ..sums import UNLIMITED, Memory, Pixels, Sums
 from .adaptive import Plan, plan_samples
 from .launch import Launch, Launcher
 from .look import Look
 from .visibility import Visibility
 
-Pixels = NDArray[np.float32]
-"""(H, W, C): the channels of a film, the last of which is the weight."""
-
+Noise = NDArray[np.float32] | None
+"""See :meth:`~..sums.Sums.noise`."""
 LAUNCH = 1 << 21
 """Camera samples of one launch, about: a second on two cores."""
+_KNOWN = 128
+"""Samples per pixel that a pilot is made for where their number is not known."""
 FIRST = 8
 """Where there are several launches, the first is smaller by this factor: there is something to see soon."""
 
@@ -88,11 +91,13 @@ class View:
         launch = Launch(pixel, index, seed, expected, shared, detailed, self.counts, self.learned)
         return Lanes(pixel, index, *self.launcher.samples(launch))
 
-    def learn(self) -> None:
-        """Make use of what was counted, from now on."""
-        assert self.counts is not None
-        self.learned = Visibility.learn(self.counts)
+    def learn(self) -> NDArray[np.float32]:
+        """Stop to count, and tell what was learned; nothing where nothing was counted."""
+        if self.counts is None:
+            return np.zeros(0, dtype=np.float32)
+        learned: NDArray[np.float32] = Visibility.learn(self.counts).numpy()
         self.counts = None
+        return learned
 
     def later(
         self,
@@ -103,34 +108,58 @@ class View:
         expected: mi.Float,
         shared: mi.Float | None,
         share: mi.Float | None = None,
-    ) -> Iterator[tuple[Pixels, float]]:
-        """Launch by launch, the image so far and its samples per pixel, where ``counts`` (H, W) follow the ``few`` of
-        the image ``first``. ``share`` of the variate's difference that counts in each pixel; none unless given."""
-        block = self.film.create_block()
+        memory: Memory | None = None,
+    ) -> Iterator[tuple[Pixels, float, Noise]]:
+        """Launch by launch, the image so far, its samples per pixel and its noise, where ``counts`` (H, W) follow the
+        ``few`` of the image ``first``. ``share`` of the variate's difference that counts in each pixel; none unless
+        given. Launches that the ``memory`` has are not made again."""
+        sums = Sums({} if memory is None else memory)
         for k, (start, end) in enumerate(self.launches(counts.ravel())):
-            samples = shared if shared is not None else self.launcher.light_samples(mix(mix(seed) + mi.UInt32(k + 1)))
-            lanes = self.samples(few + start, end - start, seed, expected, samples)
-            L = lanes.L
-            if share is not None:
-                L = L + dr.gather(mi.Float, share, lanes.pixel) * lanes.difference
-            weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, unsigned(counts.ravel()), lanes.pixel)))
-            self.put(block, lanes, L, lanes.alpha, weight)
-            dr.eval(block.tensor())
+            if k >= sums.launches:
+                samples = shared
+                if samples is None:
+                    samples = self.launcher.light_samples(mix(mix(seed) + mi.UInt32(k + 1)))
+                lanes = self.samples(few + start, end - start, seed, expected, samples)
+                L = lanes.L
+                if share is not None:
+                    L = L + dr.gather(mi.Float, share, lanes.pixel) * lanes.difference
+                weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, unsigned(counts.ravel()), lanes.pixel)))
+                sums.add(self.put(lanes, L, lanes.alpha, weight, int((end - start).max())))
+            elif k + 1 < sums.launches:
+                continue
             done = end.reshape(counts.shape)
-            yield combined(first, developed(block), few, done), few + float(done.mean())
+            yield combined(first, sums.image(), few, done), few + float(done.mean()), sums.noise()
 
     def put(
-        self, block: mi.ImageBlock, lanes: Lanes, value: mi.Spectrum, alpha: mi.Bool | mi.Float, weight: mi.Float
-    ) -> None:
-        """Add a ``value`` and an ``alpha`` to ``block`` at the place of each sample."""
-        place = lanes.place
-        if self.film.rfilter().is_box_filter():
-            width = dr.opaque(mi.UInt32, self.width)
-            row = lanes.pixel // width
-            place = mi.Point2f(mi.Float(lanes.pixel - row * width), mi.Float(row))
-        place += mi.Vector2f(self.film.crop_offset())
-        alpha = dr.select(alpha, weight, 0) if dr.is_mask_v(alpha) else alpha * weight
-        block.put(place, [], value * weight, alpha, weight)
+        self, lanes: Lanes, value: mi.Spectrum, alpha: mi.Bool | mi.Float, weight: mi.Float, most: int
+    ) -> NDArray[np.float64]:
+        """The film's channels (H, W, C) with a ``value`` and an ``alpha`` at the place of each sample, times its
+        ``weight``, which is 1 at most and the last channel. ``most``: samples of a pixel."""
+        filter = self.film.rfilter()
+        reach = 0 if filter.is_box_filter() else int(np.ceil(filter.radius() - 0.5))
+        colours = [value[c % dr.size_v(mi.Spectrum)] * weight for c in range(3)]
+        alphas = [dr.select(alpha, weight, 0) if dr.is_mask_v(alpha) else alpha * weight]
+        if self.film.create_block(mi.ScalarVector2u(1)).channel_count() < 5:
+            alphas = []
+        sums = ExactSums(self.pixels, 4 * most * (2 * reach + 1) ** 2)
+        sums.begin(colours, [*alphas, weight])
+        if reach == 0:
+            sums.add([*colours, *alphas, weight], lanes.pixel)
+        else:
+            width, height = dr.opaque(mi.Int32, self.width), dr.opaque(mi.Int32, self.height)
+            row = mi.Int32(lanes.pixel) // width
+            column = mi.Int32(lanes.pixel) - row * width
+            x, y = lanes.place.x - mi.Float(column), lanes.place.y - mi.Float(row)
+            steps = range(-reach, reach + 1)
+            across = [filter.eval(step + 0.5 - x) for step in steps]
+            for j in steps:
+                down = filter.eval(j + 0.5 - y)
+                for i, beside in zip(steps, across, strict=True):
+                    r, c = row + j, column + i
+                    inside = (r >= 0) & (r < height) & (c >= 0) & (c < width)
+                    share = down * beside
+                    sums.add([v * share for v in (*colours, *alphas, weight)], mi.UInt32(r * width + c), inside)
+        return np.stack([s.reshape(self.height, self.width) for s in sums], axis=-1)
 
 
 class Pilot:
@@ -138,8 +167,8 @@ class Pilot:
 
     def __init__(self, view: View, count: int, parts: int, shared: mi.Float | None, grey: float) -> None:
         self.view, self.count, self.parts, self._shared, self._grey = view, count, parts, shared, grey
-        self._images = view.film.create_block(), view.film.create_block()
-        self._sums = [dr.zeros(mi.Float, 3 * parts * view.pixels) for _ in range(2)]
+        self._images = Sums({}), Sums({})
+        self._sums = np.zeros((2, 3, parts * view.pixels))
 
     def passes(self, seed: mi.UInt32, dim: float) -> Iterator[float]:
         """Launch by launch, the samples per pixel so far."""
@@ -147,15 +176,21 @@ class Pilot:
         expected = dr.opaque(mi.Float, dim)
         for first, last in view.launches(np.full(view.pixels, count)):
             lanes = view.samples(first, last - first, seed, expected, self._shared)
+            most = int((last - first).max())
             group = lanes.index * dr.opaque(mi.UInt32, self.parts) // dr.opaque(mi.UInt32, count)
-            for sums, value in zip(self._sums, (self._worth(lanes), lanes.difference), strict=True):
-                for c in range(3):
-                    place = (c * self.parts + group) * view.pixels + lanes.pixel
-                    dr.scatter_add(sums, value[c % dr.size_v(mi.Spectrum)], place)
-            weight = dr.opaque(mi.Float, 1 / count)
-            view.put(self._images[0], lanes, lanes.L, lanes.alpha, weight)
-            view.put(self._images[1], lanes, lanes.difference, mi.Bool(False), weight)
-            dr.eval(*(block.tensor() for block in self._images), self._sums)
+            sums = ExactSums(self.parts * view.pixels, most)
+            worth, difference = (
+                [value[c % dr.size_v(mi.Spectrum)] for c in range(3)]
+                for value in (self._worth(lanes), lanes.difference)
+            )
+            sums.begin(worth, difference)
+            sums.add([*worth, *difference], group * view.pixels + lanes.pixel)
+            self._sums += np.reshape(list(sums), self._sums.shape)
+            weight = dr.opaque(mi.Float, 1 / count, dr.width(lanes.pixel))
+            for image, value, alpha in zip(
+                self._images, (lanes.L, lanes.difference), (lanes.alpha, mi.Bool(False)), strict=True
+            ):
+                image.add(view.put(lanes, value, alpha, weight, most))
             yield float(last.mean())
 
     def _worth(self, lanes: Lanes) -> mi.Spectrum:
@@ -167,16 +202,16 @@ class Pilot:
 
     def image(self, share: NDArray[np.float32] | float) -> Pixels:
         """The image, with a ``share`` of the variate's difference in each pixel."""
-        image, difference = (developed(block) for block in self._images)
+        image, difference = (sums.image() for sums in self._images)
         image[..., :-1] += np.asarray(share, dtype=np.float32)[..., None] * difference[..., :-1]
         return image
 
     def plan(self, dim: float, budget: int, beside: Pixels | None = None) -> Plan:
         """How to go on. ``beside``: an image that this one is added to, which its errors are measured by."""
         view = self.view
-        shape = (3, self.parts, view.height, view.width)
-        scale = dr.opaque(mi.Float, self.parts / self.count)
-        pilot, difference = (mi.TensorXf(sums * scale, shape) for sums in self._sums)
+        shape = (2, 3, self.parts, view.height, view.width)
+        means = (self._sums * (self.parts / self.count)).astype(np.float32).reshape(shape)
+        pilot, difference = (mi.TensorXf(x) for x in means)
         if beside is not None:
             pilot += mi.TensorXf(np.moveaxis(beside[..., :3], -1, 0)[:, None])
         filter = view.film.rfilter()
@@ -184,7 +219,9 @@ class Pilot:
         # With a wider filter, a sample counts in several pixels, so each needs later ones.
         least, footprint = (self.count, 0) if box else (2 * self.count, int(np.ceil(filter.radius() - 0.5)))
         marks = view.look.marks if view.look else ()
-        return plan_samples(pilot, difference, dim, max(budget, least), least, footprint, marks)
+        known = _KNOWN if budget >= UNLIMITED else budget
+        plan = plan_samples(pilot, difference, dim, max(known, least), least, footprint, marks)
+        return plan if known == budget else replace(plan, counts=plan.counts * (budget // known))
 
 
 def unsigned(numbers: NDArray[np.int64]) -> mi.UInt32:
@@ -192,15 +229,10 @@ def unsigned(numbers: NDArray[np.int64]) -> mi.UInt32:
     return mi.UInt32(numbers.astype(np.uint32))
 
 
-def developed(block: mi.ImageBlock) -> Pixels:
-    """The image that a block stands for, (H, W, C), every pixel with weight 1 where it has any."""
-    sums = block.tensor().numpy()
-    weight = sums[..., -1:]
-    return np.divide(sums, weight, out=np.zeros_like(sums), where=weight != 0)
-
-
 def pilot_samples(spp: int) -> int:
     """Samples of a pilot for ``spp`` in all, a power of two."""
+    if spp >= UNLIMITED:
+        spp = _KNOWN
     return max(1, (1 << spp.bit_length()) >> 4)
 
 

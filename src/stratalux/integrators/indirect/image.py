@@ -12,10 +12,11 @@ import numpy as np
 from ...sampling.points import mix
 from ..automatic.nested_strata import PixelPoints
 from ..automatic.sample import AllocatedLight, AutomaticSample
-from ..automatic.view import Pilot, Pixels, View, pilot_samples
+from ..automatic.view import Noise, Pilot, View, pilot_samples
 from ..light_samples import FreshLight
 from ..other_emitters import OtherEmitters
 from ..sight import Sight
+from ..sums import Memory, Pixels
 from .launch import PathLauncher
 from .paths import Paths
 from .vertex import VertexLight
@@ -62,28 +63,29 @@ class IndirectImage:
         self._launcher = PathLauncher(indirect, indirect.paths, scene, sensor)
 
     def passes(
-        self, light: AllocatedLight, direct: Pixels, dim: float, seed: mi.UInt32, spp: int
-    ) -> Iterator[tuple[Pixels, float]]:
-        """The image so far, with the film's channels and weights, and its samples per pixel.
+        self, light: AllocatedLight, direct: Pixels, dim: float, seed: mi.UInt32, spp: int, memory: Memory
+    ) -> Iterator[tuple[Pixels, float, Noise]]:
+        """The image so far, with the film's channels and weights, its samples per pixel and its noise.
 
         ``direct``: what it is added to, which errors are measured by. ``dim``: radiance below which they count as if it
-        were that bright.
+        were that bright. ``memory``: see :meth:`~..automatic.image.Automatic.passes`.
         """
         self._launcher.begin(light)
         view = View(self._launcher, None)
         few = pilot_samples(spp)
         shared = self._launcher.light_samples(mix(~seed)) if view.at_once(spp) else None
-        pilot = Pilot(view, few, min(_PARTS, few), shared, 0.0)
-        for rendered in pilot.passes(seed, dim):
-            if rendered < few:
-                yield pilot.image(0), rendered
-        first = pilot.image(0)
-        yield first, float(few)
+        if "first" not in memory:
+            pilot = Pilot(view, few, min(_PARTS, few), shared, 0.0)
+            for rendered in pilot.passes(seed, dim):
+                if rendered < few:
+                    yield pilot.image(0), rendered, None
+            memory["first"], memory["counts"] = pilot.image(0), pilot.plan(dim, spp, direct).counts
+        yield memory["first"], float(few), None
         if few == spp:
             return
 
-        counts = pilot.plan(dim, spp, direct).counts - few
-        yield from view.later(first, few, counts, seed, dr.opaque(mi.Float, dim), shared)
+        expected = dr.opaque(mi.Float, dim)
+        yield from view.later(memory["first"], few, memory["counts"] - few, seed, expected, shared, memory=memory)
 
 
 def added(direct: Pixels, rest: Pixels) -> Pixels:

@@ -1,0 +1,138 @@
+"""A picture in the making, kept in a file, to go on with when its process has ended."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..images.files import write_atomically
+from ..integrators.sums import Memory
+from .settings import PictureSettings
+
+_ABOUT = "about"
+_FREE = {"sampling": ("time", "target_error"), "output": None, "machine": ("max_memory",)}
+"""Settings that may be others when a picture goes on."""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """``identity``: of the picture, see :func:`identity_of`. ``seconds``: that it has taken so far. ``name``: of the
+    file that it comes from."""
+
+    identity: Mapping[str, Any]
+    memory: Memory
+    seconds: float
+    name: str = "checkpoint"
+
+    def save(self, path: str | Path) -> None:
+        """Write the file, complete or not at all. Raises :class:`OSError`."""
+        about = json.dumps({"format": "stratalux checkpoint", "identity": self.identity, "seconds": self.seconds})
+        arrays = {name: np.asarray(value) for name, value in _flat(self.memory)}
+        arrays[_ABOUT] = np.frombuffer(about.encode(), dtype=np.uint8)
+
+        def write(name: str) -> None:
+            with open(name, "wb") as file:
+                np.savez(file, **arrays)  # type: ignore[arg-type]
+                file.flush()
+                os.fsync(file.fileno())
+
+        write_atomically(Path(path), write)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Checkpoint:
+        """Read the file; raises :class:`InputError` if it is none, or damaged."""
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            about = json.loads(bytes(arrays.pop(_ABOUT)))
+            return cls(about["identity"], _deep(arrays), float(about["seconds"]), str(path))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+        except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, MemoryError) as error:
+            raise InputError(f"{path}: is no checkpoint, or a damaged one ({error}); start without --resume") from None
+
+    def check(self, identity: Mapping[str, Any]) -> None:
+        """Raise :class:`InputError` that says what differs if the picture is another one."""
+        differing = list(_differences(self.identity, identity))
+        if differing:
+            raise InputError(f"{self.name}: belongs to another picture: {'; '.join(differing)}")
+
+
+def identity_of(scene: mi.Scene, picture: PictureSettings) -> dict[str, Any]:
+    """All that a picture depends on: its settings, what its files held, and what computes it."""
+    environment = scene.environment()
+    of_map = " " if environment is None else f"{environment.id()}."  # No parameter begins with a space
+    content = picture.to_json()
+    for group, names in _FREE.items():
+        for name in list(content[group]) if names is None else names:
+            content[group].pop(name, None)
+    return {
+        "settings": content,
+        "map": _digest(scene, lambda name: name.startswith(of_map)),
+        "scene": _digest(scene, lambda name: not name.startswith(of_map)),
+        "versions": {
+            "stratalux": version("stratalux"),
+            "mitsuba": mi.__version__,
+            "drjit": dr.__version__,
+        },
+    }
+
+
+def _digest(scene: mi.Scene, wanted: Callable[[str], bool]) -> str:
+    """A hash of the parameters of a scene whose names are ``wanted``."""
+    digest = hashlib.sha256()
+    params = mi.traverse(scene)
+    for name in sorted(filter(wanted, params.keys())):
+        value = params[name]
+        digest.update(f"{name} {type(value).__name__}".encode())
+        if dr.is_array_v(value):
+            array: NDArray[Any] = np.ascontiguousarray(dr.detach(value).numpy())
+            digest.update(str(array.shape).encode())
+            digest.update(array.data if array.size else b"")
+        else:
+            digest.update(str(value).encode())
+    return digest.hexdigest()
+
+
+def _differences(before: Any, now: Any, name: str = "") -> Iterator[str]:
+    """Where two contents of JSON differ."""
+    if isinstance(before, Mapping) and isinstance(now, Mapping):
+        for key in sorted({*before, *now}):
+            yield from _differences(before.get(key), now.get(key), key)
+    elif json.loads(json.dumps(before)) != json.loads(json.dumps(now)):
+        if name in ("map", "scene"):
+            yield f"the {name} is another one"
+        else:
+            yield f"{name} was {json.dumps(before)} and is {json.dumps(now)}"
+
+
+def _flat(memory: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in memory.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}/")
+        else:
+            yield prefix + name, value
+
+
+def _deep(arrays: Mapping[str, Any]) -> Memory:
+    memory: Memory = {}
+    for name, value in arrays.items():
+        *parents, last = name.split("/")
+        where = memory
+        for parent in parents:
+            where = where.setdefault(parent, {})
+        where[last] = value
+    return memory

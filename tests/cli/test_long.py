@@ -1,0 +1,133 @@
+"""Long renders: ended by signals, killed, gone on with, and written elsewhere where their place has gone."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from tests.helpers import PATIENCE
+
+PICTURE = ("demo", "--size", "64x48", "--direct", "--spp", "768", "--float32")
+"""Several launches; seconds."""
+ENDLESS = ("demo", "--size", "64x48", "--direct", "--time", "1d")
+
+
+def start(folder: Path, *words: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "stratalux", "render", *words]
+    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def run(folder: Path, *words: str) -> tuple[int, str]:
+    with start(folder, *words) as process:
+        out, err = process.communicate(timeout=PATIENCE)
+    assert "Traceback" not in err
+    return process.returncode, out + err
+
+
+def wait_for(path: Path, process: subprocess.Popen[str]) -> None:
+    """Until the file is there; a generous limit ends what hangs."""
+    for _ in range(int(PATIENCE / 0.01)):
+        if path.exists():
+            return
+        assert process.poll() is None, process.communicate()
+        try:
+            process.wait(0.01)
+        except subprocess.TimeoutExpired:
+            continue
+    raise AssertionError(f"{path} did not appear")
+
+
+def pixels(path: Path) -> np.ndarray:
+    return np.array(mi.Bitmap(str(path)))
+
+
+def test_killed_and_gone_on_with_it_is_the_same_picture(tmp_path: Path) -> None:
+    """Bit for bit. Killed twice: in the beginning, and after it went on."""
+    assert run(tmp_path, *PICTURE, "-o", "whole.exr")[0] == 0
+    kept = tmp_path / "c.checkpoint"
+    keeping = ("--checkpoint", kept.name, "--checkpoint-every", "0", "-o", "killed.exr")
+    for resume in ((), ("--resume", kept.name)):
+        before = kept.stat().st_mtime_ns if resume else 0
+        with start(tmp_path, *PICTURE, *keeping, *resume) as process:
+            wait_for(kept, process)
+            while resume and process.poll() is None and kept.stat().st_mtime_ns == before:
+                pass
+            process.send_signal(signal.SIGKILL)
+        assert not (tmp_path / "killed.exr").exists()
+    code, said = run(tmp_path, *PICTURE, "--resume", kept.name, "-o", "killed.exr")
+    assert code == 0, said
+    np.testing.assert_array_equal(pixels(tmp_path / "killed.exr"), pixels(tmp_path / "whole.exr"))
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_keeps_what_is_done(name: str, tmp_path: Path) -> None:
+    number = getattr(signal, name)
+    with start(tmp_path, *ENDLESS, "--checkpoint", "c.checkpoint", "--checkpoint-every", "0", "-o", "a.exr") as process:
+        wait_for(tmp_path / "c.checkpoint", process)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 128 + number and "Traceback" not in err
+    assert "the same command goes on with --resume c.checkpoint" in err
+    assert pixels(tmp_path / "a.exr").mean() > 0
+
+
+def test_another_picture_is_refused(tmp_path: Path) -> None:
+    small = ("demo", "--size", "8x6", "--direct", "-o", "a.exr")
+    assert run(tmp_path, *small, "--spp", "4", "--checkpoint", "c.checkpoint")[0] == 0
+    code, said = run(tmp_path, *small, "--spp", "8", "--resume", "c.checkpoint")
+    assert code == 2 and "c.checkpoint: belongs to another picture: spp was 4 and is 8" in said
+    code, said = run(tmp_path, *small, "--spp", "8", "--resume", "missing.checkpoint")
+    assert code == 2 and "missing.checkpoint: cannot be read" in said
+
+
+def test_where_the_place_has_gone_the_image_is_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    home, gone = tmp_path / "home", tmp_path / "gone"
+    home.mkdir()
+    gone.mkdir()
+    monkeypatch.setenv("HOME", str(home))
+    words = (*ENDLESS, "--checkpoint", "c.checkpoint", "--checkpoint-every", "0", "-o", "gone/a.exr", "-o", "b.exr")
+    with start(tmp_path, *words) as process:
+        wait_for(tmp_path / "c.checkpoint", process)
+        gone.rmdir()
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=PATIENCE)
+    (folder,) = [path for path in home.iterdir() if path.name.startswith("stratalux-")]
+    assert process.returncode == 2 and f"the image is in {folder / 'a.exr'}" in err and "Traceback" not in err
+    assert pixels(folder / "a.exr").mean() > 0 and (tmp_path / "b.exr").exists()
+
+
+def test_an_early_end_is_one_line(tmp_path: Path) -> None:
+    """Ctrl-C while Python imports."""
+    with start(tmp_path, *ENDLESS, "-o", "a.exr") as process:
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=PATIENCE)
+    assert (process.returncode in (130, -signal.SIGINT) and "Traceback" not in err) or "stratalux" not in err
+
+
+@pytest.mark.slow
+def test_killed_at_fifty_moments(tmp_path: Path) -> None:
+    """Each some launches further; the last run goes on to the end."""
+    assert run(tmp_path, *PICTURE, "-o", "whole.exr")[0] == 0
+    kept = tmp_path / "c.checkpoint"
+    rng = np.random.default_rng(1)
+    for moment in range(50):
+        if moment % 10 == 0:
+            kept.unlink(missing_ok=True)
+        resume = ("--resume", kept.name) if kept.exists() else ()
+        keeping = ("--checkpoint", kept.name, "--checkpoint-every", "0", "-o", "killed.exr")
+        with start(tmp_path, *PICTURE, *keeping, *resume) as process:
+            try:
+                process.wait(float(rng.uniform(0.5, 8)))  # any moment will do
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.SIGKILL)
+        if kept.exists() and moment % 10 == 9:
+            assert run(tmp_path, *PICTURE, "--resume", kept.name, "-o", "killed.exr")[0] == 0
+            np.testing.assert_array_equal(pixels(tmp_path / "killed.exr"), pixels(tmp_path / "whole.exr"))
+            os.unlink(tmp_path / "killed.exr")
