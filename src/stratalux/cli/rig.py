@@ -74,7 +74,7 @@ def rig(
         lights, cells, environment = read_rig(source), None, None
         made = f"{len(lights)} light(s) by {lights.method}"
     else:
-        environment = EnvironmentMap.load(source, max_memory=machine.max_memory)
+        environment = EnvironmentMap.load(source, layout=settings.env_layout, max_memory=machine.max_memory)
         lights, cells = make_lights(environment, settings)
         made = _summary(lights, 1 if settings.sun else settings.lights)
     if plot is not None and environment is not None:
