@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from stratalux.cli import COMMANDS
+from stratalux.comparison import rig_scenes
 from stratalux.images.reading import read_image
 from stratalux.integrators.techniques import techniques
 from stratalux.rendering import variants
@@ -231,6 +232,18 @@ def test_rigs_are_written_for_other_tools(monkeypatch: pytest.MonkeyPatch, capsy
     assert "import unreal" in Path("again.py").read_text()
     assert run(monkeypatch, "rig", "rig.json", "-o", "-") == 0
     assert json.loads(capsys.readouterr().out) == made
+
+
+def test_rigs_have_reports(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """A page with pictures, here of a few pixels."""
+    for name, value in {"SPHERES": (24, 8), "OBJECT": (12, 8), "_SPP": 4, "_SPP_OF_ALL": 4, "_DETAIL": 1}.items():
+        monkeypatch.setattr(rig_scenes, name, value)
+    assert run(monkeypatch, "rig", "map.exr", "-n", "3", "--report", "rig.html") == 0
+    assert capsys.readouterr().out.endswith("; open rig.html in a browser\n")
+    page = Path("rig.html").read_text()
+    assert "3 lights by median-cut in place of map.exr" in page and "stratalux rig map.exr --lights 3" in page
+    assert run(monkeypatch, "rig", "map.exr", "--report", "rig.png") == 2
+    assert "a report is a page; give a name that ends with .html" in capsys.readouterr().err
 
 
 def test_the_sun_alone(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -556,6 +569,7 @@ def spoil() -> None:
         ("rig none.json", "none.json: no such file"),
         ("rig none.json -n 3", "is a rig already; lights is for maps"),
         ("rig none.json --plot a.png", "is a rig already; plot is for maps"),
+        ("rig none.json --report a.html", "is a rig already; report is for maps"),
         ("settings map.exr", "map.exr: says nothing of settings"),
         ("settings none.exr", "none.exr: no such file"),
         ("settings text.exr", "text.exr: cannot be read"),
