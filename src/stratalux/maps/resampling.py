@@ -8,6 +8,8 @@ everywhere. What the points do not tell of the total, a part in a thousand or so
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +22,7 @@ _SPACING = 2.0
 """Half the number of points along a texel of the source."""
 _LOOKUPS = 1 << 16
 """At a time: they stay in the cache."""
+_THREADS = 8
 
 
 @dataclass(frozen=True)
@@ -91,18 +94,27 @@ def resample(sheet: Sheet, layout: Layout, height: int) -> Sheet:
     lookup, width = _Lookup(sheet), shape[1]
     points = max(2, 2 * int(np.ceil(_SPACING * sheet.equivalent / (height * layout.rows))))
     offsets = [(k + 0.5) / points for k in range(points)]
+    columns, step = np.arange(-1.0, width), max(1, _LOOKUPS // (width + 1))
+
+    def part(task: tuple[int, int]) -> Floats:
+        """What the points of some rows of a face give to the texels around them, and the weight of that."""
+        face, first = task
+        rows = np.arange(float(first), min(first + step, height))[:, None]
+        sums = np.zeros((len(rows) + 1, width + 2, 4))
+        for ty in offsets:
+            for tx in offsets:
+                s, t = np.broadcast_arrays(*layout.of_texels(columns + tx, rows + ty, shape))
+                values = np.ones((*s.shape, 4))
+                values[..., :3] = lookup.radiance(layout.direction(face, s, t).reshape(-1, 3)).reshape(*s.shape, 3)
+                values *= layout.density(face, s, t)[..., None]
+                add_hats(sums, values, tx, ty)
+        return sums
+
     sums = np.zeros((layout.faces, height + 2, width + 2, 4))
-    columns, block = np.arange(-1.0, width), max(1, _LOOKUPS // (width + 1))
-    for face in range(layout.faces):
-        for first in range(-1, height, block):
-            rows = np.arange(float(first), min(first + block, height))[:, None]
-            for ty in offsets:
-                for tx in offsets:
-                    s, t = np.broadcast_arrays(*layout.of_texels(columns + tx, rows + ty, shape))
-                    values = np.ones((*s.shape, 4))
-                    values[..., :3] = lookup.radiance(layout.direction(face, s, t).reshape(-1, 3)).reshape(*s.shape, 3)
-                    values *= layout.density(face, s, t)[..., None]
-                    add_hats(sums[face, first + 1 : first + 1 + len(rows) + 1], values, tx, ty)
+    tasks = [(face, first) for face in range(layout.faces) for first in range(-1, height, step)]
+    with ThreadPoolExecutor(min(_THREADS, os.cpu_count() or 1)) as pool:
+        for (face, first), done in zip(tasks, pool.map(part, tasks), strict=True):
+            sums[face, first + 1 : first + 1 + len(done)] += done
     index = around(layout, shape).ravel()
     count = layout.faces * height * width
     total = np.stack([np.bincount(index, sums[..., c].ravel(), count) for c in range(4)], axis=-1)

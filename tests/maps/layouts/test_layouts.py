@@ -243,6 +243,18 @@ def test_cubes_of_openexr() -> None:
         np.testing.assert_allclose(layout.direction(face, s, t), expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["cross", "vertical-cross"])
+def test_faces_of_a_cross_go_on_where_they_touch(name: str) -> None:
+    layout, side = LAYOUTS[name], 32
+    x, y = np.meshgrid(np.arange(side, dtype=float), np.arange(side, dtype=float))
+    d = np.stack([layout.direction(face, *layout.of_texels(x, y, (side, side))) for face in range(6)])
+    image = packed(Sheet(layout, (d + 2).astype(np.float32)))[0]
+    for axis in (0, 1):
+        one, other = (image.take(range(first, image.shape[axis] + first - 1), axis=axis) for first in (0, 1))
+        both = (one[..., 0] > 0) & (other[..., 0] > 0)
+        assert both.sum() > 5 * side * (side - 1) and np.abs(one - other)[both].max() < 3 / side
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_images_are_unpacked_as_they_were_packed(name: str) -> None:
     layout = LAYOUTS[name]
