@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from stratalux import EnvironmentMap
-from stratalux.comparison import rig_scenes
+from stratalux.comparison import rig_page, rig_scenes
 from stratalux.comparison.rig_page import rig_report
 from stratalux.comparison.rig_scenes import View, views
 from stratalux.images.metrics import why_no_flip
@@ -95,6 +95,14 @@ def test_the_page_has_the_map_the_pictures_and_the_errors() -> None:
     (rows,) = listed.blocks
     assert isinstance(rows, Table) and len(rows.rows) == 3 and rows.rows[0][3].endswith("%")
     assert isinstance(thing, ImageSet)
+
+
+def test_the_picture_of_a_large_map_is_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rig_page, "_MAP_HEIGHT", 16)
+    environment = EnvironmentMap(blobs_map(67, 131))
+    (block,) = rig_report(environment, made(Lights(np.eye(3), np.eye(3), np.zeros(3), "hand")), []).sections[0].blocks
+    assert isinstance(block, ImageSet) and block.pictures[1].image.shape == (16, 32, 3)
+    np.testing.assert_allclose(block.pictures[1].image[0, 0], environment.texels[:4, :4].mean(axis=(0, 1)), rtol=1e-5)
 
 
 def test_the_brightest_of_many_lights_are_listed() -> None:

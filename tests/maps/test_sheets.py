@@ -119,7 +119,7 @@ def test_six_files_are_read_by_the_name_of_one(tmp_path: Path) -> None:
     ):
         for name, face in zip(names, faces, strict=True):
             write(tmp_path / f"{name}.pfm", face)
-        for name in names[1::4]:
+        for name in names[1:2]:
             sheet, said = read_sheet(tmp_path / f"{name}.pfm")
             np.testing.assert_array_equal(sheet.texels, faces)
             assert said == ["taken for the layout faces, as its name says; --env-layout says otherwise"]

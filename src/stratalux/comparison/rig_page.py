@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from ..images.metrics import flip_map, relative_mse, why_no_flip
 from ..images.tonemap import auto_exposure, filled
 from ..maps.envmap import EnvironmentMap
-from ..maps.layouts import LATLONG
-from ..maps.resampling import resample
 from ..rendering.passes import activate
 from ..rendering.settings import MachineSettings
 from ..report.html import write_report
@@ -126,9 +124,7 @@ def _compared(view: View, *, flip: bool) -> tuple[ImageSet, list[tuple[str, str]
 
 
 def _map(environment: EnvironmentMap, lights: Lights) -> ImageSet:
-    height = min(environment.height, _MAP_HEIGHT)
-    sheet = environment.sheet if height == environment.height else resample(environment.sheet, LATLONG, height)
-    texels: NDArray[np.float32] = filled(sheet.texels[0])
+    texels = filled(_smaller(environment.texels))
     exposure = auto_exposure(texels)
     marked = mark_lights(texels, lights, 2.0**-exposure)
     return ImageSet(
@@ -137,6 +133,14 @@ def _map(environment: EnvironmentMap, lights: Lights) -> ImageSet:
         exposure=exposure,
         text="Each disc is a light, in its colour; areas are in proportion to the light, down to a smallest one.",
     )
+
+
+def _smaller(texels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Means over blocks, so that the picture has not many more rows than :data:`_MAP_HEIGHT`."""
+    k = max(1, texels.shape[0] // _MAP_HEIGHT)
+    rows, columns = texels.shape[0] // k, max(1, texels.shape[1] // k)
+    blocks = texels[: rows * k, : columns * k].reshape(rows, k, columns, -1, 3)
+    return np.asarray(blocks.mean(axis=(1, 3)), dtype=np.float32)
 
 
 def _table(lights: Lights, cells: LightRig | None) -> Table:

@@ -16,6 +16,7 @@ from ..images.files import check_different, check_writable, shown, write_atomica
 from ..maps.envmap import EnvironmentMap
 from ..maps.geometry import direction
 from ..maps.layouts import LATLONG, LAYOUTS
+from ..maps.layouts.guess import face_files
 from ..maps.resampling import Sheet, resample
 from ..maps.settings import HARMONICS, MapSettings
 from ..maps.sheets import output_files, read_sheet, write_sheet
@@ -129,4 +130,5 @@ def _check(asked: MapSettings, outputs: Sequence[Path], lights: Sequence[tuple[s
     for name, file in lights:
         check_writable(file)
         format_of(file, name)
-    check_different([*files, *(file for _, file in lights)], [asked.source])
+    inputs: list[str | Path] = [asked.source, *face_files(Path(asked.source))]
+    check_different([*files, *(file for _, file in lights)], inputs)

@@ -34,10 +34,8 @@ def guessed(path: Path, width: int, height: int) -> Layout | None:
     """The layout that the name says, if an image of that size can have it; None for latitude and longitude.
 
     The last word of the name counts, without numbers such as 2k; words end at ``_``, ``-``, ``.`` or a space. One of
-    six faces is known by the other five beside it. A map of 2:1 is one of latitude and longitude.
+    six faces is known by the other five beside it. No layout but that of latitude and longitude is 2:1.
     """
-    if width == 2 * height:
-        return None
     if width == height and (files := face_files(path)) and all(file.is_file() for file in files):
         return FACES
     words = [word for word in re.split(r"[^a-z0-9]+", path.stem.lower()) if word]
