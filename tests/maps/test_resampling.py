@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from stratalux.maps import resampling
 from stratalux.maps.geometry import direction, texel_solid_angle
 from stratalux.maps.layouts import LATLONG, LAYOUTS, Layout
 from stratalux.maps.layouts.layout import solid_angles
@@ -117,6 +118,23 @@ def test_detail_that_has_no_place_becomes_its_mean() -> None:
     stripes[0, :, ::2] = 2
     made = resample(Sheet(LATLONG, stripes), LAYOUTS["equal-area"], 16)
     np.testing.assert_allclose(made.texels, 1, atol=0.02)
+
+
+@pytest.mark.parametrize("layout", [LATLONG, LAYOUTS["cross"], LAYOUTS["angular"]], ids=["latlong", "cross", "angular"])
+def test_maps_that_are_much_finer_are_reduced_before(layout: Layout) -> None:
+    """With the same result, nearly: a sun and a smooth map, to a tenth of their rows."""
+    sheet = smooth(LATLONG, 128)
+    sheet.texels[0, 50, 77] += 2000
+    height = round(12 / layout.rows)
+    made = resample(sheet, layout, height)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(resampling, "_reduced", lambda sheet, rows: sheet)
+        whole = resample(sheet, layout, height)
+    np.testing.assert_allclose(made.flux, sheet.flux, rtol=1e-5)
+    assert resampling._reduced(sheet, 12).shape == (32, 64)
+    assert np.abs(made.texels - whole.texels).max() < 0.2 * whole.texels.max()
+    apart = np.abs(made.texels - whole.texels)[whole.texels < 7]
+    assert np.quantile(apart, 0.9) < 0.05
 
 
 def test_nothing_is_done_where_nothing_is_to_do() -> None:

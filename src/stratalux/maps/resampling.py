@@ -23,6 +23,7 @@ _SPACING = 2.0
 _LOOKUPS = 1 << 16
 """At a time: they stay in the cache."""
 _THREADS = 8
+_ROWS = 16
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,12 @@ class Sheet:
     def flux(self) -> Floats:
         """∫ L dω over the sphere, (3,)."""
         weight = solid_angles(self.layout, self.shape)
-        return np.einsum("fhw,fhwc->c", weight, self.texels, dtype=np.float64)
+        total = np.zeros(3)
+        for face, weights in zip(self.texels, weight, strict=True):
+            for first in range(0, self.height, _ROWS):  # blocks that stay in the cache
+                rows = slice(first, first + _ROWS)
+                total += np.tensordot(weights[rows], face[rows].astype(np.float64), axes=2)
+        return total
 
     def radiance(self, d: Floats) -> NDArray[np.float32]:
         """Bilinear radiance (K, 3) from the directions ``d`` (K, 3)."""
@@ -91,8 +97,11 @@ def resample(sheet: Sheet, layout: Layout, height: int) -> Sheet:
     shape = height, height * layout.wide
     if layout is sheet.layout and shape == sheet.shape:
         return sheet
-    lookup, width = _Lookup(sheet), shape[1]
-    points = max(2, 2 * int(np.ceil(_SPACING * sheet.equivalent / (height * layout.rows))))
+    wanted, width = sheet.flux, shape[1]
+    coarse = height * layout.rows
+    sheet = _reduced(sheet, coarse)
+    lookup = _Lookup(sheet)
+    points = max(2, 2 * int(np.ceil(_SPACING * sheet.equivalent / coarse)))
     offsets = [(k + 0.5) / points for k in range(points)]
     columns, step = np.arange(-1.0, width), max(1, _LOOKUPS // (width + 1))
 
@@ -120,9 +129,39 @@ def resample(sheet: Sheet, layout: Layout, height: int) -> Sheet:
     total = np.stack([np.bincount(index, sums[..., c].ravel(), count) for c in range(4)], axis=-1)
     texels = np.divide(total[:, :3], total[:, 3:], out=np.zeros((count, 3)), where=total[:, 3:] > 0)
     made = Sheet(layout, texels.reshape(layout.faces, height, width, 3).astype(np.float32))
-    there, wanted = made.flux, sheet.flux
+    there = made.flux
     factor = np.divide(wanted, there, out=np.ones(3), where=there > 0)
     return Sheet(layout, made.texels * factor.astype(np.float32))
+
+
+def _reduced(sheet: Sheet, rows: float) -> Sheet:
+    """A map of latitude and longitude that is many times as fine as ``rows``, with two to four rows for one of those.
+
+    Along each axis, so that it takes a few operations for each of its texels, and not many points.
+    """
+    from scipy.sparse import coo_matrix, diags_array
+
+    height, width = sheet.shape
+    block = 1
+    while width % (2 * block) == 0 and 4 * block * rows <= sheet.equivalent:
+        block *= 2
+    if sheet.layout is not LATLONG or block == 1:
+        return sheet
+    fewer = (height - 1) // block + 1
+    nodes, weights = np.polynomial.legendre.leggauss(2)
+    v = ((np.arange(height - 1)[:, None] + (nodes + 1) / 2) / (height - 1)).ravel()
+
+    def hats(count: int) -> coo_matrix:
+        """The hat functions of ``count`` rows at v, (points, count)."""
+        first = np.minimum((v * (count - 1)).astype(np.int64), count - 2)
+        share, number = v * (count - 1) - first, np.arange(len(v))
+        entries = np.concatenate([1 - share, share]), (np.tile(number, 2), np.concatenate([first, first + 1]))
+        return coo_matrix(entries, (len(v), count)).tocsr()
+
+    mean = hats(fewer).T @ diags_array(np.sin(np.pi * v) * np.tile(weights, height - 1)) @ hats(height)
+    mean = (diags_array(1 / np.asarray(mean.sum(axis=1)).ravel()) @ mean).astype(np.float32)
+    columns = sheet.texels[0].reshape(height, width // block, block, 3).mean(axis=2)
+    return Sheet(LATLONG, (mean @ columns.reshape(height, -1)).reshape(1, fewer, width // block, 3))
 
 
 def in_latlong(sheet: Sheet) -> Sheet:

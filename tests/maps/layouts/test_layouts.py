@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stratalux.maps.geometry import direction, texel_solid_angle
 from stratalux.maps.layouts import LATLONG, LAYOUTS, Layout
-from stratalux.maps.layouts.layout import around, solid_angles
+from stratalux.maps.layouts.layout import around, integrated
 from stratalux.maps.resampling import Sheet, resample
 from stratalux.maps.settings import LAYOUT_NAMES
 from stratalux.maps.sheets import packed, unpacked
@@ -68,7 +68,7 @@ def test_densities_are_solid_angles(layout: Layout) -> None:
 
 
 def test_texels_of_latitude_and_longitude_stand_for_their_hat_functions() -> None:
-    np.testing.assert_allclose(solid_angles(LATLONG, (17, 33))[0], texel_solid_angle(17, 33), rtol=1e-6)
+    np.testing.assert_allclose(integrated(LATLONG, (17, 33))[0], texel_solid_angle(17, 33), rtol=1e-6)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)

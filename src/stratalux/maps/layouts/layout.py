@@ -12,6 +12,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry import texel_solid_angle
+
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Shape = tuple[int, int]
@@ -114,6 +116,11 @@ def solid_angles(layout: Layout, shape: Shape) -> Floats:
     They are integrals of the bilinear hat functions around the centres of texels, so that Σ L · weight is the integral
     of the bilinear radiance over the sphere.
     """
+    return texel_solid_angle(*shape)[None] if layout.closed else integrated(layout, shape)
+
+
+def integrated(layout: Layout, shape: Shape) -> Floats:
+    """The same for any layout, by Gauss's rule in each cell between four texels."""
     height, width = shape
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     nodes, weights = (nodes + 1) / 2, weights / 2
