@@ -137,6 +137,15 @@ def test_sizes_are_as_fine_as_the_map_unless_told(tmp_path: Path) -> None:
     assert made.what == "latlong, 48x24, from mirror-ball, 20x20"
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (1, 2), (2, 4)])
+def test_the_smallest_maps(tmp_path: Path, shape: tuple[int, int]) -> None:
+    source = write(tmp_path / "map.pfm", np.full((*shape, 3), 0.5, np.float32))
+    for name in ("latlong", "strip", "angular", "equal-area"):
+        convert_map(source, tmp_path / "a.pfm", to=name, size=3 if name == "latlong" else 1)
+        sheet, _ = read_sheet(tmp_path / "a.pfm", name)
+        np.testing.assert_allclose(sheet.texels, 0.5, rtol=1e-4)
+
+
 @pytest.mark.parametrize(
     ("outputs", "settings", "expected"),
     [
@@ -150,6 +159,8 @@ def test_sizes_are_as_fine_as_the_map_unless_told(tmp_path: Path) -> None:
         (["a.exr", "a.exr"], {}, "is to be written twice"),
         ("map.exr", {}, "is read, and would be lost"),
         ("a.exr", {"size": 0}, "size: 0 is too small"),
+        ("a.exr", {"size": 2}, "size: 2 is too small for latlong; give at least 3"),
+        ("a.exr", {"size": 99, "max_memory": 100_000}, "size: 99 rows of latlong take 0.00157 GB, more than 0.0001 GB"),
         ("right.exr", {"source": "left.exr"}, "right.exr: is read, and would be lost"),
     ],
 )

@@ -143,7 +143,7 @@ def _reduced(sheet: Sheet, rows: float) -> Sheet:
 
     height, width = sheet.shape
     block = 1
-    while width % (2 * block) == 0 and 4 * block * rows <= sheet.equivalent:
+    while width % (2 * block) == 0 and 4 * block * rows <= sheet.equivalent and height > 4 * block:
         block *= 2
     if sheet.layout is not LATLONG or block == 1:
         return sheet

@@ -13,7 +13,8 @@ import numpy as np
 
 from ..errors import EnvironmentMapWarning, InputError, RigWarning
 from ..images.files import check_different, check_writable, shown, write_atomically
-from ..maps.envmap import EnvironmentMap
+from ..images.reading import default_memory
+from ..maps.envmap import MIN_HEIGHT, EnvironmentMap
 from ..maps.geometry import direction
 from ..maps.layouts import LATLONG, LAYOUTS
 from ..maps.layouts.guess import face_files
@@ -30,6 +31,8 @@ from .sun import Sun, split_sun
 
 IRRADIANCE_ROWS = 32
 """Of a map of irradiance, which has no detail."""
+_TEXEL_BYTES = 80
+"""Of memory that each texel of the result takes, while it is made."""
 _FINE = 64
 """Rows of a map whose texels can be taken for points."""
 
@@ -66,6 +69,8 @@ def convert_map(
     for line in said:
         warnings.warn(f"{asked.source}: {line}", EnvironmentMapWarning, stacklevel=2)
     came = _described(sheet)
+    if sheet.layout is LATLONG:
+        sheet = EnvironmentMap.from_sheet(sheet).sheet  # of as many rows as a map needs
     sun = None
     if asked.remove_sun:
         environment = EnvironmentMap.from_sheet(sheet)
@@ -85,7 +90,15 @@ def convert_map(
     layout = LAYOUTS[asked.to]
     if asked.irradiance:
         sheet = irradiance_sheet(EnvironmentMap.from_sheet(sheet))
-    made = resample(sheet, layout, asked.size or max(1, round(sheet.equivalent / layout.rows)))
+    least = MIN_HEIGHT if layout is LATLONG else 1
+    height = asked.size or max(least, round(sheet.equivalent / layout.rows))
+    need = _TEXEL_BYTES * layout.faces * layout.wide * height**2
+    if need > (most := default_memory() if max_memory is None else max_memory):
+        raise InputError(
+            f"size: {height} rows of {layout.name} take {need / 1e9:.3g} GB, more than {most / 1e9:.3g} GB; give a "
+            "smaller --size, or allow more with --max-memory"
+        )
+    made = resample(sheet, layout, height)
     files = [file for path in wanted for file in write_sheet(made, path)]
     return Converted(tuple(files), f"{_described(made)}, from {came}", sun)
 
@@ -126,6 +139,8 @@ def _check(asked: MapSettings, outputs: Sequence[Path], lights: Sequence[tuple[s
             check_writable(path)
         files = list(outputs)
     else:
+        if asked.to == LATLONG.name and asked.size is not None and asked.size < MIN_HEIGHT:
+            raise InputError(f"size: {asked.size} is too small for latlong; give at least {MIN_HEIGHT}")
         files = [file for path in outputs for file in output_files(path, LAYOUTS[asked.to])]
     for name, file in lights:
         check_writable(file)
