@@ -59,7 +59,8 @@ def convert_map(
 
     Layouts are written to .exr, .hdr, .pfm or .tif, with the light of the map; harmonics to .json or .glsl. Where each
     face is a file, there are six, named after the output. ``lights``: files for the sun that is left out, each with the
-    name of a format or None (see :func:`.formats.write_rig`). ``max_memory``: bytes that the pixels of a file may take.
+    name of a format or None (see :func:`.formats.write_rig`). ``max_memory``: bytes that the pixels of a
+    file, and the making of the result, may take.
     Warns of what the file says, and where the map has no sun. Raises :class:`InputError`.
     """
     asked = MapSettings(str(source), **settings)
