@@ -43,8 +43,17 @@ MISTAKES = re.compile(
 # What tests a module, quickest first, and pytest's -k; where nothing is said, tests/<folder>/test_<module>.py alone.
 TESTS = {
     "maps/energy_table.py": "maps/test_energy_table.py maps/test_envmap.py maps/test_median_cut.py",
-    "maps/envmap.py": "maps/test_envmap.py maps/test_cube.py",
+    "maps/envmap.py": "maps/test_envmap.py maps/test_sheets.py",
     "maps/geometry.py": "maps/test_geometry.py maps/test_envmap.py maps/test_irradiance.py maps/test_median_cut.py",
+    **dict.fromkeys(
+        (
+            f"maps/layouts/{name}.py"
+            for name in ("angular", "cube", "equal_area", "faces", "latlong", "layout", "mirror_ball", "octahedral")
+        ),
+        "maps/layouts/test_layouts.py maps/test_resampling.py",
+    ),
+    "maps/layouts/guess.py": "maps/test_sheets.py",
+    "maps/layouts/openexr_cube.py": "maps/layouts/test_layouts.py maps/test_sheets.py",
     "maps/regions.py": "maps/test_regions.py maps/test_median_cut.py",
     "rigs/__init__.py": "rigs/test_rig.py",
     "rigs/formats/__init__.py": "rigs/formats/test_formats.py",
@@ -68,7 +77,9 @@ TESTS = {
     "rigs/rig.py": "rigs/test_rig.py -k not kmeans and not penrose",
     "rigs/settings.py": "rigs/test_settings.py cli/test_cli.py -k rig or sun",
     "rigs/structured.py": "rigs/test_structured.py rigs/test_rig.py -k structured",
-    "rigs/sun.py": "rigs/test_fitted.py -k sun or wide",
+    "rigs/harmonics.py": "rigs/test_harmonics.py rigs/test_conversion.py",
+    "rigs/sh_files.py": "rigs/test_conversion.py -k harmonics",
+    "rigs/sun.py": "rigs/test_fitted.py rigs/test_conversion.py -k sun or wide",
     "rigs/voronoi.py": "rigs/test_clusters.py rigs/test_rig.py -k lloyd or kmeans or directions",
     "sampling/leaf_sampler.py": "statistics/test_leaf_sampler.py sampling/test_leaves.py",
     "sampling/leaves.py": "sampling/test_leaves.py statistics/test_leaf_sampler.py",

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .maps.regions import Regions, describe_regions, region_content
     from .rendering.passes import RenderResult, render, render_passes
     from .rendering.settings import PictureSettings
+    from .rigs.conversion import convert_map
     from .scenes.load import load_scene
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "RenderResult",
     "accelerate",
     "compare",
+    "convert_map",
     "describe_regions",
     "develop",
     "load_scene",
@@ -46,6 +48,7 @@ _PLACES = {
     "Comparison": ".comparison.compare",
     "accelerate": ".integrators.accelerate",
     "compare": ".comparison.compare",
+    "convert_map": ".rigs.conversion",
     "EnvironmentMap": ".maps.envmap",
     "EnvironmentMapWarning": ".errors",
     "InputError": ".errors",

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from stratalux.cli import COMMANDS
+from stratalux.comparison import rig_scenes
 from stratalux.images.reading import read_image
 from stratalux.integrators.techniques import techniques
 from stratalux.rendering import variants
@@ -233,11 +234,46 @@ def test_rigs_are_written_for_other_tools(monkeypatch: pytest.MonkeyPatch, capsy
     assert json.loads(capsys.readouterr().out) == made
 
 
+def test_rigs_have_reports(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """A page with pictures, here of a few pixels."""
+    for name, value in {"SPHERES": (24, 8), "OBJECT": (12, 8), "_SPP": 4, "_SPP_OF_ALL": 4, "_DETAIL": 1}.items():
+        monkeypatch.setattr(rig_scenes, name, value)
+    assert run(monkeypatch, "rig", "map.exr", "-n", "3", "--report", "rig.html") == 0
+    assert capsys.readouterr().out.endswith("; open rig.html in a browser\n")
+    page = Path("rig.html").read_text()
+    assert "3 lights by median-cut in place of map.exr" in page and "stratalux rig map.exr --lights 3" in page
+    assert run(monkeypatch, "rig", "map.exr", "--report", "rig.png") == 2
+    assert "a report is a page; give a name that ends with .html" in capsys.readouterr().err
+
+
 def test_the_sun_alone(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(monkeypatch, "rig", "map.exr", "--sun", "-o", "sun.json") == 0
     assert "1 light(s) by sun" in capsys.readouterr().out
     made = json.loads(Path("sun.json").read_text())
     assert len(made["lights"]) == 1 and made["lights"][0]["angle"] > 0 and len(made["ambient"]) == 9
+
+
+def test_maps_are_converted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """There and back, as six files, as harmonics, and without the sun; what was guessed is told."""
+    assert run(monkeypatch, "map", "map.exr", "--to", "cross", "--size", "6", "-o", "sky_cross.hdr") == 0
+    said = capsys.readouterr()
+    assert said.out.startswith("wrote sky_cross.hdr: cross, six faces of 6x6, from latlong, ") and said.err == ""
+    assert run(monkeypatch, "rig", "sky_cross.hdr", "-n", "2", "-o", "rig.json") == 0
+    assert capsys.readouterr().err == (
+        "stratalux: warning: sky_cross.hdr: taken for the layout cross, as its name says; --env-layout says otherwise\n"
+    )
+    assert run(monkeypatch, "stratify", "sky_cross.hdr", "-n", "2", "--env-layout", "cross") == 0
+    assert capsys.readouterr().err == ""
+    shown = ("--size", "6x4", "--spp", "1", "-q", "-o", "a.exr")
+    assert run(monkeypatch, "render", "demo", "--env", "sky_cross.hdr", "--env-layout", "cross", *shown) == 0
+    assert capsys.readouterr().err == ""
+    assert run(monkeypatch, "map", "map.exr", "--to", "sh", "-o", "sh.json", "-o", "sh.glsl") == 0
+    assert len(json.loads(Path("sh.json").read_text())["irradiance"]) == 9
+    capsys.readouterr()
+    lights = ("--light", "sun.json", "--light", "three:sun3.json")
+    assert run(monkeypatch, "map", "map.exr", "--remove-sun", "-o", "rest.exr", *lights) == 0
+    assert "left out: a sun of" in capsys.readouterr().out
+    assert json.loads(Path("sun.json").read_text())["method"] == "sun" and Path("sun3.json").exists()
 
 
 def test_doctor_and_completion(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -505,6 +541,17 @@ def spoil() -> None:
         ("render demo --technique importance:samples=4294967296", "too large; give at most"),
         ("render demo --technique kmeans:lights=99999999", "too large"),
         ("render demo --technique path --strata 4", "strata"),
+        ("map none.exr -o a.exr", "none.exr: no such file"),
+        ("map map.exr", "Missing option '-o'"),
+        ("map map.exr -o a.png", "unknown image format '.png'"),
+        ("map map.exr -o a.exr --to globe", "globe"),
+        ("map map.exr -o a.exr --size 0", "size"),
+        ("map map.exr -o a.exr --light sun.json", "is for the sun that --remove-sun leaves out"),
+        ("map map.exr -o map.exr", "is read, and would be lost"),
+        ("map map.exr -o a.exr --env-layout faces", "cannot be the size of a face, which is 1:1"),
+        ("render demo --env map.exr --env-layout cross", "cannot be the layout cross, which is 4:3"),
+        ("render demo --env-layout cross", "says how the map of --env lies in its file; give both"),
+        ("rig map.exr --env-layout angular", "cannot be the layout angular, which is 1:1"),
         ("rig none.exr", "no such file"),
         ("rig map.exr -n 0", "-n"),
         ("rig map.exr -n 1000000", "1000000"),
@@ -522,6 +569,7 @@ def spoil() -> None:
         ("rig none.json", "none.json: no such file"),
         ("rig none.json -n 3", "is a rig already; lights is for maps"),
         ("rig none.json --plot a.png", "is a rig already; plot is for maps"),
+        ("rig none.json --report a.html", "is a rig already; report is for maps"),
         ("settings map.exr", "map.exr: says nothing of settings"),
         ("settings none.exr", "none.exr: no such file"),
         ("settings text.exr", "text.exr: cannot be read"),

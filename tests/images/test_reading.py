@@ -285,9 +285,9 @@ def test_orientations(tmp_path: Path, reader: Reader, orientation: int, seen: ob
 def test_a_cube_is_told(tmp_path: Path, reader: Reader) -> None:
     channels = {c: np.ones((24, 4), dtype=np.float32) for c in "RGB"}
     (tmp_path / "a.exr").write_bytes(exr(channels, envmap=("envmap", b"\1")))
-    assert read_image(tmp_path / "a.exr", reader=reader).cube
+    assert read_image(tmp_path / "a.exr", reader=reader).layout == "openexr-cube"
     (tmp_path / "b.exr").write_bytes(exr(channels, envmap=("envmap", b"\0")))
-    assert not read_image(tmp_path / "b.exr", reader=reader).cube
+    assert read_image(tmp_path / "b.exr", reader=reader).layout == "latlong"
 
 
 def test_content_counts_and_not_the_suffix(tmp_path: Path, reader: Reader) -> None:

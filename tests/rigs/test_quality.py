@@ -83,7 +83,7 @@ def test_the_shadow_of_a_light_is_where_the_ball_is_in_the_way() -> None:
 
 
 def test_a_light_with_an_angle_is_a_disk() -> None:
-    direction, colour = module._disks(one([1, 2, 3], [4.0, 2, 1], angle=np.radians(20)))
+    direction, colour = module.disks(one([1, 2, 3], [4.0, 2, 1], angle=np.radians(20)))
     lit = colour.any(axis=1)
     np.testing.assert_allclose(colour.sum(axis=0), [4, 2, 1])
     axis = np.array([1, 2, 3]) / np.sqrt(14)

@@ -22,6 +22,7 @@ COMMANDS = {
     "bench": "Measure against the best of Mitsuba's own.",
     "stratify": "Cut a map into regions of equal energy.",
     "rig": "Turn a map into directional lights.",
+    "map": "Convert a map for another tool.",
     "techniques": "List the techniques.",
     "assets": "List and fetch the maps and meshes of the paper.",
     "doctor": "Say what works on this machine.",
@@ -70,6 +71,7 @@ def cli(ctx: click.Context, debug: bool) -> None:
       stratalux bench
       stratalux stratify venice.hdr -n 64 -o regions.png
       stratalux rig venice.hdr --method kmeans -n 32 -o rig.json
+      stratalux map venice.hdr --to cross -o cross.exr
       stratalux techniques
       stratalux assets fetch
       stratalux doctor

@@ -10,6 +10,7 @@ import click
 from ..errors import InputError
 from ..images.settings import MemorySettings, ViewSettings
 from ..rigs.settings import RigSettings
+from ..settings import command_line
 from .flags import flags
 
 if TYPE_CHECKING:
@@ -26,11 +27,13 @@ if TYPE_CHECKING:
     "or by a name: three:FILE.json, unreal:FILE.py. A name alone is that of the format of -o.",
 )
 @click.option("--plot", help="Picture of the map with the lights and their cells (.png, .jpg ...).")
+@click.option("--report", metavar="FILE.html", help="Page with the map, the lights, and what both light, in pictures.")
 @flags(settings=RigSettings, picture=ViewSettings, machine=MemorySettings)
 def rig(
     output: str | None,
     to: tuple[str, ...],
     plot: str | None,
+    report: str | None,
     settings: RigSettings,
     picture: ViewSettings,
     machine: MemorySettings,
@@ -46,6 +49,7 @@ def rig(
       stratalux rig venice.hdr --method kmeans -n 32 -o rig.json --plot rig.png
       stratalux rig venice.hdr --method fitted -n 8 --ambient sh2 --to lights.usda --to three:lights.json
       stratalux rig venice.hdr --sun -o sun.py
+      stratalux rig venice.hdr --method fitted -n 8 --ambient sh2 --report rig.html
       stratalux rig rig.json --to rig.glb --env-frame three
       stratalux rig grace.exr --method structured -n 300 -o - | jq '.lights | length'
     """
@@ -60,21 +64,24 @@ def rig(
     wanted = _wanted(output, to)
     if plot is not None:
         check_output(plot, PICTURE_SUFFIXES)
+    if report is not None:
+        if not report.lower().endswith((".html", ".htm")):
+            raise InputError(f"{report}: a report is a page; give a name that ends with .html")
+        check_writable(report)
     for name, file in wanted:
         check_writable(file)
         format_of(file, name)
     source = settings.source
-    check_different([file for file in (plot, *(file for _, file in wanted)) if file is not None], [source])
+    check_different([file for file in (plot, report, *(file for _, file in wanted)) if file is not None], [source])
     if Path(source).suffix.lower() == ".json":
         changed = sorted(set(settings.changed()) - {"source", "env_frame"})
-        if changed or plot is not None:
-            raise InputError(
-                f"{source}: is a rig already; {(changed or ['plot'])[0]} is for maps: leave it out, or give the map"
-            )
+        changed += [name for name, file in (("plot", plot), ("report", report)) if file is not None]
+        if changed:
+            raise InputError(f"{source}: is a rig already; {changed[0]} is for maps: leave it out, or give the map")
         lights, cells, environment = read_rig(source), None, None
         made = f"{len(lights)} light(s) by {lights.method}"
     else:
-        environment = EnvironmentMap.load(source, max_memory=machine.max_memory)
+        environment = EnvironmentMap.load(source, layout=settings.env_layout, max_memory=machine.max_memory)
         lights, cells = make_lights(environment, settings)
         made = _summary(lights, 1 if settings.sun else settings.lights)
     if plot is not None and environment is not None:
@@ -82,6 +89,11 @@ def rig(
         write_picture(plot, drawn)
     for name, file in wanted:
         write_rig(lights, file, name, env_frame=settings.env_frame)
+    if report is not None and environment is not None:
+        from ..comparison.rig_page import write_rig_report
+
+        write_rig_report(environment, lights, report, cells=cells, command=command_line("stratalux", "rig", settings))
+        made += f"; open {report} in a browser"
     if output == "-":
         click.echo(encode(lights, Path("-")).decode(), nl=False)
     click.echo(made, err=output == "-")

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from ..images.settings import MemorySettings, ViewSettings
+from ..maps.settings import LayoutSettings
 from ..rendering.settings import MOST_STRATA
 from .flags import flags
 from .output import write_json
@@ -20,12 +21,13 @@ from .output import write_json
 )
 @click.option("-o", "--output", help="Picture of the map with the borders of the regions (.png, .jpg ...).")
 @click.option("--json", "json_file", help="The regions as JSON; - for standard output.")
-@flags(picture=ViewSettings, machine=MemorySettings)
+@flags(file=LayoutSettings, picture=ViewSettings, machine=MemorySettings)
 def stratify(
     map_file: str,
     n: int,
     output: str | None,
     json_file: str | None,
+    file: LayoutSettings,
     picture: ViewSettings,
     machine: MemorySettings,
 ) -> None:
@@ -49,7 +51,7 @@ def stratify(
     if json_file not in (None, "-"):
         check_writable(json_file)
     check_different([path for path in (output, json_file) if path not in (None, "-")], [map_file])
-    environment = EnvironmentMap.load(map_file, max_memory=machine.max_memory)
+    environment = EnvironmentMap.load(map_file, layout=file.env_layout, max_memory=machine.max_memory)
     start = time.perf_counter()
     regions = median_cut(environment, n)
     milliseconds = 1000 * (time.perf_counter() - start)

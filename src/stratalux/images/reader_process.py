@@ -27,6 +27,7 @@ _THREADS = 8
 _TEXTS = (
     "name",
     "stratalux",
+    "stratalux:layout",
     "oiio:ColorSpace",
     "textureformat",
     "view",

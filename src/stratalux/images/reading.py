@@ -31,6 +31,8 @@ _MOST_COMPRESSED = 100_000
 _SPACE = re.compile(r"(lin|srgb|g\d+)_(\w+?)_(scene|display)")
 WHOLE = {"uint8": 255, "uint16": 65535}
 """Whole numbers that images are stored in, and the largest of each kind."""
+_ENVIRONMENTS = {"CubeFace Environment": "openexr-cube", "LatLong Environment": "latlong"}
+"""What OpenImageIO calls the kinds of ``envmap`` that OpenEXR has."""
 _ORIENTATIONS = {
     2: (False, False, True),
     3: (False, True, True),
@@ -49,14 +51,14 @@ class Image:
 
     ``said``: what was chosen, left out, converted or repaired on the way, a line each. ``largest``: the largest number
     that the file's own type holds, where that is less than float32 does; what is infinite stands for it.
-    ``cube``: whether the header says that these are the six faces of a cube, one below the other. ``alpha`` (H, W):
-    where it was asked for and is there; the pixels are multiplied by it.
+    ``layout``: the name of the one that a map has, if the header says so (those of :data:`..maps.layouts.LAYOUTS`).
+    ``alpha`` (H, W): where it was asked for and is there; the pixels are multiplied by it.
     """
 
     pixels: NDArray[np.float32]
     said: list[str] = field(default_factory=list)
     largest: float | None = None
-    cube: bool = False
+    layout: str | None = None
     alpha: NDArray[np.float32] | None = None
 
 
@@ -134,9 +136,7 @@ def _image(path: Path, most: int, reader: Reader, alpha: bool) -> Image:
         image.pixels = np.repeat(image.pixels, 3, axis=2)
     if image.alpha is not None and straight:
         image.pixels *= image.alpha[..., None]
-    if str(attributes.get("textureformat", "")).startswith("CubeFace"):
-        image.cube = True
-        repair_image(image)
+    image.layout = attributes.get("stratalux:layout") or _ENVIRONMENTS.get(attributes.get("textureformat"))
     turn = _ORIENTATIONS.get(attributes.get("Orientation", 1), (False, False, False))
     image.pixels = _oriented(image.pixels, *turn)
     image.alpha = None if image.alpha is None else _oriented(image.alpha, *turn)

@@ -15,6 +15,10 @@ from ..images.colour import LUMINANCE
 from ..images.repair import LARGEST_HALF, repair
 from .energy_table import EnergyTable
 from .geometry import row_weights
+from .layouts import LATLONG
+from .layouts.guess import about_size
+from .resampling import Sheet, in_latlong
+from .sheets import AUTO, read_sheet
 
 MIN_HEIGHT, MIN_WIDTH = 3, 2
 """Smaller maps are padded by replication of their edge, as Mitsuba's ``envmap`` does."""
@@ -38,10 +42,6 @@ class EnvironmentMap:
         which they have overflowed), and those above 1e30 are cut off there, with an :class:`EnvironmentMapWarning` that
         counts the texels. Raises :class:`InputError` if the array is not an image.
         """
-        return cls._checked(array, name, None)
-
-    @classmethod
-    def _checked(cls, array: ArrayLike, name: str, largest: float | None) -> EnvironmentMap:
         texels = np.asarray(array)
         if texels.ndim == 2:
             texels = texels[..., None]
@@ -49,53 +49,50 @@ class EnvironmentMap:
             raise InputError(f"{name}: shape {np.shape(array)} is not an image; give (height, width, 3)")
         if texels.dtype.kind not in "biuf":
             raise InputError(f"{name}: type {texels.dtype} is not numeric; give linear RGB radiance")
-        if texels.dtype == np.float16:
-            largest = LARGEST_HALF
+        largest = LARGEST_HALF if texels.dtype == np.float16 else None
         if texels.shape[2] == 1:
             texels = np.repeat(texels, 3, axis=2)
         with np.errstate(over="ignore"):  # float64 may become infinite
             texels = np.ascontiguousarray(texels[..., :3], dtype=np.float32)
         texels, said = repair(texels, largest)
         if said:
-            warnings.warn(f"{name}: {said}", EnvironmentMapWarning, stacklevel=3)
+            warnings.warn(f"{name}: {said}", EnvironmentMapWarning, stacklevel=2)
+        if about := about_size(texels.shape[1], texels.shape[0]):
+            warnings.warn(f"{name}: {about}", EnvironmentMapWarning, stacklevel=2)
+        return cls._padded(texels)
+
+    @classmethod
+    def _padded(cls, texels: NDArray[np.float32]) -> EnvironmentMap:
         height, width = texels.shape[:2]
-        if width != 2 * height and width * height > 1:
-            warnings.warn(
-                f"{name}: {width}x{height} is not 2:1; taken as a full latitude-longitude map all the same",
-                EnvironmentMapWarning,
-                stacklevel=3,
-            )
         pad = (max(0, MIN_HEIGHT - height), max(0, MIN_WIDTH - width))
         if any(pad):
             texels = np.pad(texels, ((0, pad[0]), (0, pad[1]), (0, 0)), mode="edge")
         return cls(texels)
 
     @classmethod
-    def load(cls, path: str | Path, *, max_memory: int | None = None) -> EnvironmentMap:
+    def load(cls, path: str | Path, *, layout: str = AUTO, max_memory: int | None = None) -> EnvironmentMap:
         """Read an image file (.exr, .hdr, .pfm, .tif, .png, .jpg, or anything else that OpenImageIO reads).
 
-        ``max_memory``: bytes that its pixels may take, half of what the machine has unless given. An
-        :class:`EnvironmentMapWarning` says what was chosen, converted or left out (see
-        :func:`..images.reading.read_image`). Raises :class:`InputError` if the file is missing, damaged, too large or
-        not an image.
+        ``layout``: how the map lies in the image, a name of :data:`.layouts.LAYOUTS`, or ``auto``: as the header or
+        the name of the file say (see :func:`.sheets.read_sheet`). Other maps than those of latitude and longitude are
+        resampled. ``max_memory``: bytes that its pixels may take, half of what the machine has unless given. An
+        :class:`EnvironmentMapWarning` says what was chosen, converted or left out. Raises :class:`InputError` if the
+        file is missing, damaged, too large or not an image, or cannot have the layout.
         """
-        from ..images.reading import read_image  # not before a file is read
-        from .cube import from_cube
-
-        image = read_image(path, max_memory)
-        for line in image.said:
+        sheet, said = read_sheet(path, layout, max_memory)
+        for line in said:
             warnings.warn(f"{path}: {line}", EnvironmentMapWarning, stacklevel=2)
-        pixels = image.pixels
-        if image.cube:
-            if pixels.shape[0] != 6 * pixels.shape[1]:
-                size = f"{pixels.shape[1]}x{pixels.shape[0]}"
-                raise InputError(f"{path}: {size} are not the six faces of a cube, as the header says; export it again")
-            pixels = from_cube(pixels)
-            size = f"{pixels.shape[1]}x{pixels.shape[0]}"
-            warnings.warn(
-                f"{path}: the six faces of a cube are converted to {size}", EnvironmentMapWarning, stacklevel=2
-            )
-        return cls._checked(pixels, str(path), image.largest)
+        return cls.from_sheet(sheet)
+
+    @classmethod
+    def from_sheet(cls, sheet: Sheet) -> EnvironmentMap:
+        """The map of a ``sheet`` whose texels are finite and not negative."""
+        return cls._padded(in_latlong(sheet).texels[0])
+
+    @cached_property
+    def sheet(self) -> Sheet:
+        """The map in its layout, to be converted to others."""
+        return Sheet(LATLONG, self.texels[None])
 
     @property
     def height(self) -> int:

@@ -74,12 +74,7 @@ def sun_and_sky(environment: EnvironmentMap, *, ambient: str = "sh2") -> Lights:
     """
     sun = find_sun(environment)
     if not sun.is_one:
-        warnings.warn(
-            f"the map has no sun: its brightest spot is {np.degrees(sun.angle):.2g} degrees wide and has "
-            f"{sun.share:.1%} of the light; --method fitted places lights as they light best",
-            RigWarning,
-            stacklevel=2,
-        )
+        warnings.warn(f"{sun.doubt}; --method fitted places lights as they light best", RigWarning, stacklevel=2)
     points, flux = sources(environment)
     colour = sun.colour[None]
     left = _left(points, flux, sun.direction[None], colour, _degrees(ambient))

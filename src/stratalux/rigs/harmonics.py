@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..maps.geometry import direction, texel_solid_angle
+from ..maps.irradiance import irradiance_coefficients
 
 _Float = NDArray[np.float64]
 
@@ -24,6 +25,16 @@ def harmonics(omega: _Float) -> _Float:
     x, y, z = np.moveaxis(np.asarray(omega, dtype=np.float64), -1, 0)
     values = [np.ones_like(x), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y]
     return np.asarray(_C * np.stack(values, axis=-1))
+
+
+def of_radiance(texels: NDArray[np.float32]) -> _Float:
+    """The coefficients (9, 3) of a latitude-longitude map (H, W, 3), exact for its bilinear radiance."""
+    found = irradiance_coefficients(texels)
+    # There, Z is our y, X our −z and Y our x, and harmonics of odd order have the other sign.
+    c = [found[k] / COSINE[k] for k in range(9)]
+    r = np.sqrt(3) / 2
+    across = [r * c[8] - c[6] / 2, -r * c[6] - c[8] / 2]
+    return np.array([c[0], c[2], c[3], -c[1], -c[5], c[7], across[0], -c[4], across[1]])
 
 
 def turned(coefficients: _Float, rotation: _Float) -> _Float:

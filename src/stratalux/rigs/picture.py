@@ -64,3 +64,29 @@ def _dots(picture: NDArray[np.uint8], direction: NDArray[np.float64], height: in
         colour = np.where((distance < radius - 1.2)[..., None], 255, 0)
         picture[rows[inside], columns[inside] % picture.shape[1]] = colour[inside]
     return picture
+
+
+def mark_lights(texels: NDArray[np.float32], lights: Lights, white: float) -> NDArray[np.float32]:
+    """A linear picture (H, W, 3) of a map, with lights on it as discs in their colours within black and white rings.
+
+    ``white``: the radiance that the picture shows as white. Areas of discs are in proportion to the lights, as far as
+    they can be seen and do not hide each other.
+    """
+    picture = texels.copy()
+    height, width = picture.shape[:2]
+    strength = lights.colour.max(axis=1)
+    share = strength / (strength.max() or 1.0)
+    largest = min(0.045, 0.25 / np.sqrt(len(lights))) * height
+    u, v = map_coordinates(lights.direction)
+    for k in np.argsort(-strength, kind="stable").tolist():
+        radius = max(largest * np.sqrt(share[k]), 2.5)
+        reach = int(radius) + 4
+        rows, columns = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+        x, y = u[k] * width - 0.5, v[k] * (height - 1)
+        rows, columns = rows + round(y), columns + round(x)
+        distance = np.hypot(columns - x, rows - y)
+        colour = white * lights.colour[k] / (strength[k] or 1.0)
+        for ring, within in ((0.0, radius + 2.5), (2 * white, radius + 1.2), (colour, radius)):
+            inside = (distance < within) & (rows >= 0) & (rows < height)
+            picture[rows[inside], columns[inside] % width] = ring
+    return picture

@@ -42,7 +42,7 @@ def quality(environment: EnvironmentMap, lights: Lights) -> dict[str, float]:
         floor = harmonics(np.array([0.0, 1.0, 0.0])) @ (COSINE[:, None] * lights.ambient)
     return {
         "irradiance_error": _relative(under_rig, under_map),
-        "shadow_error": _relative(_on_the_floor(*_disks(lights)) + floor, _on_the_floor(points, flux)),
+        "shadow_error": _relative(_on_the_floor(*disks(lights)) + floor, _on_the_floor(points, flux)),
     }
 
 
@@ -93,8 +93,8 @@ def _on_the_floor(points: _Float, flux: _Float) -> _Float:
     return result
 
 
-def _disks(lights: Lights) -> tuple[_Float, _Float]:
-    """The lights, those with an angle as several."""
+def disks(lights: Lights) -> tuple[_Float, _Float]:
+    """Directions and colours of the lights, those with an angle as :data:`_POINTS_OF_A_DISK` without."""
     direction, colour = [lights.direction], [lights.colour]
     for k in np.flatnonzero(lights.angle):
         j = np.arange(_POINTS_OF_A_DISK) + 0.5

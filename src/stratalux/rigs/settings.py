@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from ..errors import InputError
 from ..maps.frames import ENV_FRAMES
+from ..maps.settings import layout_option
 from ..settings import Settings, option
 
 MOST_LIGHTS = 1 << 20
@@ -41,6 +42,7 @@ class RigSettings(Settings):
         metavar="TOOL",
         default_text="that of the format",
     )
+    env_layout: str = layout_option()
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -36,6 +36,14 @@ class Sun:
         """Whether it is as small and as bright as a sun is, and not a window or a lamp."""
         return self.angle <= _WIDEST and self.share >= _LEAST_SHARE
 
+    @property
+    def doubt(self) -> str:
+        """Why it is none, if :attr:`is_one` says so."""
+        return (
+            f"the map has no sun: its brightest spot is {np.degrees(self.angle):.2g} degrees wide and has "
+            f"{self.share:.1%} of the light"
+        )
+
 
 def find_sun(environment: EnvironmentMap) -> Sun:
     """The brightest spot of the map, which :attr:`Sun.is_one` or not.
@@ -43,6 +51,11 @@ def find_sun(environment: EnvironmentMap) -> Sun:
     Its sky is the median of the texels between 5 and 10 degrees from the brightest one (a texel and a half, where
     these are larger). With Y what a texel is brighter, the solid angle of the disk is (∫ Y dω)² / ∫ Y² dω.
     """
+    return split_sun(environment)[0]
+
+
+def split_sun(environment: EnvironmentMap) -> tuple[Sun, EnvironmentMap]:
+    """The sun as :func:`find_sun` has it, and the map without: their light together is that of the map."""
     height, width = environment.height, environment.width
     weight = np.ravel(texel_solid_angle(height, width))
     points = texel_directions(height, width)
@@ -57,8 +70,11 @@ def find_sun(environment: EnvironmentMap) -> Sun:
     flux = float(Y @ dω)
     total = float(environment.luminance.ravel().astype(np.float64) @ weight)
     if flux <= 0 or total <= 0:
-        return Sun(peak, np.zeros(3), 0.0, 0.0)
+        return Sun(peak, np.zeros(3), 0.0, 0.0), environment
     moment = (Y * dω) @ points[within]
     Ω = flux**2 / float(Y**2 @ dω)
     angle = 2 * np.arccos(max(1 - Ω / (2 * np.pi), -1.0))
-    return Sun(moment / np.linalg.norm(moment), dω @ excess, float(angle), flux / total)
+    rest = texels.copy()
+    rest[within] -= excess.astype(np.float32)
+    sun = Sun(moment / np.linalg.norm(moment), dω @ excess, float(angle), flux / total)
+    return sun, EnvironmentMap(np.maximum(rest, 0).reshape(environment.texels.shape))

@@ -1,14 +1,7 @@
 """The light of a map as a quadtree over an equal-area square, on the device (Dr.Jit).
 
-The square [0, 1]² is mapped to the sphere by folding an octahedron (P. Clarberg, *Fast equal-area mapping of the
-(hemi)sphere using SIMD*, 2008). With p = 2s − 1 and d = 1 − |p_x| − |p_y|, the diamond d ≥ 0 is the upper hemisphere
-and the four corners beyond it fold down to the lower one, and with r = 1 − |d|, the distance from the pole,
-
-    cos θ = ±(1 − r²),    φ = (π / 2) t  in the first quadrant,    t = |p_y| / r above, (1 − |p_x|) / r below.
-
-The part of the square within r of a pole has area r² / 2 of its total of 1, the cap of the sphere 2π r² of its 4π, and
-t is proportional to the area on both: areas are in proportion everywhere, so a density per unit of the square is 4π
-times the density per steradian. (θ, φ) are those of :mod:`stratalux.maps.geometry`, y up.
+The square and its formulas are those of :mod:`..maps.layouts.equal_area`: a density per unit of the square is 4π times
+the density per steradian. (θ, φ) are those of :mod:`stratalux.maps.geometry`, y up.
 
 Nodes of the quadtree are numbered level by level, the four children of node i being 4i + 1 … 4i + 4: lower left,
 lower right, upper left, upper right. Each level is in Z-order.
@@ -16,6 +9,7 @@ lower right, upper left, upper right. Each level is in Z-order.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import drjit as dr
@@ -24,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..maps.envmap import EnvironmentMap
+from ..maps.layouts.equal_area import fold, to_direction, to_square
 
 MAX_RESOLUTION = 2048
 """Texels along a side at most: 22 MB of nodes."""
@@ -33,6 +28,18 @@ _SURROUNDINGS = 0.05
 
 _FAINTEST = 1e-9
 """Density, over its mean, of a texel in which there is any light at all."""
+
+
+_DRJIT = SimpleNamespace(
+    abs=dr.abs,
+    arctan2=dr.atan2,
+    copysign=dr.copysign,
+    ratio=lambda a, b: dr.select(b > 0, a / b, 0),
+    rsqrt=dr.rsqrt,
+    sincos=dr.sincos,
+    sqrt=dr.sqrt,
+    where=dr.select,
+)
 
 
 def square_to_map(s: mi.Point2f) -> mi.Point2f:
@@ -46,32 +53,17 @@ def square_to_map(s: mi.Point2f) -> mi.Point2f:
 def square_to_direction(s: mi.Point2f) -> mi.Vector3f:
     """Unit direction, in the map's frame, of a point of the square."""
     p = 2 * s - 1
-    t, r, upper = _fold(dr.abs(p))
-    sin, cos = dr.sincos(0.5 * dr.pi * t)
-    sin_theta = r * dr.sqrt(2 - r * r)
-    return mi.Vector3f(
-        dr.copysign(sin, p.y) * sin_theta,
-        dr.select(upper, 1, -1) * (1 - r * r),
-        -dr.copysign(cos, p.x) * sin_theta,
-    )
+    return mi.Vector3f(*to_direction(p.x, p.y, _DRJIT))
 
 
 def direction_to_square(d: mi.Vector3f) -> mi.Point2f:
     """The point of the square of a unit direction in the map's frame; the inverse of ``square_to_direction``."""
-    sin_theta = dr.sqrt(d.x * d.x + d.z * d.z)
-    r = sin_theta * dr.rsqrt(1 + dr.abs(d.y))  # = √(1 − |cos θ|), without its cancellation
-    t = dr.atan2(dr.abs(d.x), dr.abs(d.z)) * (2 * dr.inv_pi)
-    upper = d.y >= 0
-    x = dr.select(upper, (1 - t) * r, 1 - t * r)
-    y = dr.select(upper, t * r, 1 - (1 - t) * r)
-    return 0.5 * mi.Point2f(dr.copysign(x, -d.z), dr.copysign(y, d.x)) + 0.5
+    return mi.Point2f(*to_square(d.x, d.y, d.z, _DRJIT))
 
 
 def _fold(a: mi.Point2f) -> tuple[mi.Float, mi.Float, mi.Bool]:
     """(t, r, whether d ≥ 0) of ``a`` = |p|."""
-    upper = a.x + a.y <= 1
-    r = dr.select(upper, a.x + a.y, (1 - a.x) + (1 - a.y))
-    return dr.select(r > 0, dr.select(upper, a.y, 1 - a.x) / r, 0), r, upper
+    return fold(a.x, a.y, _DRJIT)
 
 
 def _quadrant(x: mi.Float, t: mi.Float) -> mi.Float:

@@ -77,7 +77,7 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
     """The same from settings, with what the file says that is no part of a scene; see :func:`load_scene`."""
     environment = shown.environment
     if isinstance(environment, str):
-        environment = EnvironmentMap.load(environment, max_memory=max_memory)
+        environment = EnvironmentMap.load(environment, layout=shown.env_layout, max_memory=max_memory)
     emitter = None if environment is None else envmap(environment)
     path, size = Path(shown.source), camera.size or USUAL_SIZE
     suffix = path.suffix.lower()

@@ -11,6 +11,7 @@ from typing import Any
 
 from ..errors import InputError
 from ..maps.frames import ENV_FRAMES
+from ..maps.settings import layout_option
 from ..settings import Kind, Settings, option
 from .materials import MATERIALS
 
@@ -256,6 +257,7 @@ class SceneSettings(Settings):
         choices=tuple(ENV_FRAMES),
         metavar="TOOL",
     )
+    env_layout: str = layout_option()
     scale: float = option(1.0, "Brightness of the map, a factor.", "--env-scale", minimum=0.0, maximum=MOST_SCALE)
     material: str | None = option(
         None,
@@ -285,6 +287,11 @@ class SceneSettings(Settings):
     parameters: tuple[tuple[str, str], ...] = option(
         (), "Value of $name in a Mitsuba scene; repeat for several.", "-D", kind=DEFINITION, several=True
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.env_layout != "auto" and not isinstance(self.environment, str):
+            raise InputError("--env-layout: says how the map of --env lies in its file; give both")
 
     @property
     def definitions(self) -> Mapping[str, str]:
