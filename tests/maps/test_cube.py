@@ -62,6 +62,20 @@ def test_a_sun_of_one_pixel_keeps_its_energy() -> None:
         np.testing.assert_allclose(flux, 1000 * solid_angle, rtol=0.04)
 
 
+@pytest.mark.parametrize("side", [2, 3, SIDE])
+def test_corners_and_edges_are_those_of_the_outer_pixels(side: int) -> None:
+    ends = np.array([-1.0, 0, 1])
+    d = np.stack(np.meshgrid(ends, ends, ends), axis=-1).reshape(-1, 3)
+    outer = d[np.abs(d).sum(axis=1) >= (3 if side % 2 == 0 else 1)]  # of an even number, no pixel is in the middle
+    np.testing.assert_allclose(look_up(cube(side), outer), of_direction(outer), rtol=1e-5)
+
+
+def test_it_makes_no_difference_how_many_rows_are_made_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    at_once = from_cube(cube(6))
+    monkeypatch.setattr("stratalux.maps.cube._LOOKUPS", 5 * 24 * 9)
+    np.testing.assert_array_equal(from_cube(cube(6)), at_once)
+
+
 def test_faces_of_one_pixel() -> None:
     assert np.isfinite(from_cube(np.ones((6, 1, 3), dtype=np.float32))).all()
 

@@ -50,3 +50,12 @@ def test_the_map_is_not_negative_and_keeps_its_mean() -> None:
     np.testing.assert_allclose(mean, deep[0] / np.sqrt(4 * np.pi), rtol=2e-3)
     plain = ambient_map(COEFFICIENTS, 64).reshape(-1, 3)
     np.testing.assert_allclose(plain, harmonics(texel_directions(64, 128)) @ COEFFICIENTS, rtol=2e-3, atol=2e-3)
+
+
+def test_dim_and_black_light_is_kept_as_it_is() -> None:
+    """Also where it is negative, which becomes 0."""
+    np.testing.assert_allclose(ambient_map(1e-3 * COEFFICIENTS), 1e-3 * ambient_map(COEFFICIENTS), rtol=1e-5)
+    assert not ambient_map(np.zeros((9, 3))).any()
+    negative = np.zeros((9, 3))
+    negative[0] = -1
+    assert not ambient_map(negative).any()

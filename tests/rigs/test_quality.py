@@ -68,6 +68,20 @@ def test_ambient_light_is_that_of_a_constant_map() -> None:
     assert found["shadow_error"] == pytest.approx(expected, rel=0.02)
 
 
+def test_the_floor_is_lit_from_above() -> None:
+    """Ambient light that is as bright on either side of it makes no difference to it; what comes from above does."""
+    texels = np.zeros((16, 32, 3), np.float32)
+    texels[5, 9] = [3, 2, 1]
+    environment = EnvironmentMap(texels)
+    lights = one([0, 1, 0], [1.0, 1, 1])
+    plain = quality(environment, lights)["shadow_error"]
+    for k, counts in ((1, True), (2, False), (3, False)):  # Y of y, z, x
+        ambient = np.zeros((9, 3))
+        ambient[k] = 0.5
+        found = quality(environment, replace(lights, ambient=ambient))["shadow_error"]
+        assert (found != pytest.approx(plain, rel=1e-9)) == counts
+
+
 def test_the_shadow_of_a_light_is_where_the_ball_is_in_the_way() -> None:
     """From straight above it is a disk of radius 1; from 45 degrees, an ellipse of area π √2 around (−1, 0)."""
     for direction, area, centre in (([0, 1, 0], np.pi, 0.0), ([1, 1, 0], np.pi * np.sqrt(2), -1.0)):
@@ -89,6 +103,7 @@ def test_a_light_with_an_angle_is_a_disk() -> None:
     axis = np.array([1, 2, 3]) / np.sqrt(14)
     off = np.degrees(np.arccos(direction[lit] @ axis))
     assert off.max() < 10 and off.max() > 9
+    np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1)
     mean = direction[lit].mean(axis=0)
     np.testing.assert_allclose(mean / np.linalg.norm(mean), axis, atol=0.01)
 
