@@ -1,0 +1,194 @@
+"""Light at one point, without a camera or a film: means of estimates against sums over directions.
+
+Many estimates of one number show smaller errors than a picture, in less time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from tests.helpers import MATERIALS, hall_map, sidak
+from tests.variants import RGB
+
+mi.set_variant(RGB)
+LANES, RUNS = 1 << 12, 48
+STEPS = 1024
+"""Rows of directions of the sums."""
+T = mi.ScalarTransform4f
+BALL = {"type": "sphere", "center": [1.2, 0.4, 1.0], "radius": 0.7}
+LAMPS = {
+    "lamp": {
+        "type": "rectangle",
+        "to_world": T().look_at([-1, 0.4, 1.8], [0, 0, 0], [0, 1, 0]).scale(0.5),
+        "emitter": {"type": "area", "radiance": {"type": "rgb", "value": [6, 4, 2]}, "sampling_weight": 0.3},
+    },
+    "bulb": {
+        "type": "sphere",
+        "center": [1.5, 0.2, 1.6],
+        "radius": 0.6,
+        "emitter": {"type": "area", "radiance": {"type": "rgb", "value": [1, 3, 2]}, "sampling_weight": 2.0},
+    },
+}
+POINT = {"type": "point", "position": [0.5, -0.4, 1.5], "intensity": {"type": "rgb", "value": [1, 2, 3]}}
+
+
+def loaded(sky: bool = True, **things: dict[str, Any]) -> mi.Scene:
+    described: dict[str, Any] = {"type": "scene", **things}
+    if sky:
+        turned = T().rotate([0, 1, 0], 37).rotate([1, 0, 0], -28)
+        described["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(hall_map()), "scale": 0.5, "to_world": turned}
+    return mi.load_dict(described)
+
+
+@cache
+def material(variant: str, name: str) -> mi.BSDF:
+    return mi.load_dict(MATERIALS[name])
+
+
+def point(lanes: int, name: str) -> tuple[mi.SurfaceInteraction3f, mi.BSDFPtr]:
+    """At the origin, facing +z, seen from one side."""
+    si = dr.zeros(mi.SurfaceInteraction3f, lanes)
+    si.t, si.n, si.sh_frame = 1, mi.Normal3f(0, 0, 1), mi.Frame3f(mi.Normal3f(0, 0, 1))
+    si.wi = dr.normalize(mi.Vector3f(-0.3, 0.5, 0.9))
+    return si, dr.gather(mi.BSDFPtr, mi.BSDFPtr(material(mi.variant(), name)), dr.zeros(mi.UInt32, lanes))
+
+
+def summed(name: str, arriving: Callable[[mi.Ray3f], mi.Spectrum]) -> NDArray[np.float64]:
+    """∫ f cos L dω, (3,), by the midpoint rule over the hemisphere; ``arriving``: L along rays from the point."""
+    k = dr.arange(mi.UInt32, 2 * STEPS * STEPS)
+    row = k // (2 * STEPS)
+    cosine = (mi.Float(row) + 0.5) / STEPS  # even steps of it are even steps of solid angle
+    sine, φ = dr.sqrt(1 - cosine * cosine), dr.pi / STEPS * (mi.Float(k - row * (2 * STEPS)) + 0.5)
+    d = mi.Vector3f(dr.cos(φ) * sine, dr.sin(φ) * sine, cosine)
+    si, bsdf = point(dr.width(k), name)
+    g = bsdf.eval(mi.BSDFContext(), si, d) * arriving(si.spawn_ray(d))
+    return np.asarray(g.numpy().astype(np.float64).mean(axis=1) * 2 * np.pi)
+
+
+def assert_mean(estimates: NDArray[Any], expected: NDArray[np.float64], comparisons: int = 3) -> None:
+    """Student's t-test of ``estimates`` (runs, 3), at the level of all comparisons together."""
+    error = estimates.std(axis=0, ddof=1) / np.sqrt(len(estimates))
+    assert (error < 0.01 * expected).all()  # it can tell
+    p = stats.ttest_1samp(estimates, expected, axis=0).pvalue
+    near = np.isclose(estimates.mean(axis=0), expected, rtol=2e-4)  # that is how exact the sums are
+    assert (near | (p > sidak(comparisons))).all(), f"{estimates.mean(axis=0)} and not {expected}, p = {p}"
+
+
+def estimates(name: str, estimate: Callable[..., mi.Spectrum]) -> NDArray[np.float64]:
+    """The means (runs, 3) of ``estimate`` over lanes; samples may be shared by these."""
+    sampler, found = mi.load_dict({"type": "independent"}), []
+    for run in range(RUNS):
+        sampler.seed(run, LANES)
+        si, bsdf = point(LANES, name)
+        found.append(estimate(sampler, si, bsdf, mi.Bool(True)).numpy().astype(np.float64).mean(axis=1))
+    assert np.isfinite(found).all()
+    return np.array(found)
+
+
+# ------------------------------- The map -------------------------------
+
+TECHNIQUES: list[tuple[str, str, dict[str, Any]]] = [
+    ("roughplastic", "stratified", {"strata": 1}),
+    ("roughplastic", "stratified", {"strata": 5, "proposals": 3}),
+    ("roughconductor", "stratified", {"strata": 5, "bsdf_samples": 2}),
+    ("roughconductor", "stratified", {"strata": 3, "proposals": 4, "bsdf_samples": 1}),
+    ("roughplastic", "importance", {"samples": 3}),
+    ("roughconductor", "importance", {"samples": 3, "bsdf_samples": 2, "sequence": "independent"}),
+    ("roughplastic", "importance", {"samples": 3, "proposals": 8}),
+    ("roughconductor", "importance", {"samples": 2, "proposals": 8, "bsdf_samples": 2}),
+    ("roughplastic", "wavelet", {"samples": 3, "resolution": 8}),
+    ("roughconductor", "wavelet", {"samples": 5, "resolution": 16}),
+]
+
+
+@cache
+def of_map(variant: str, name: str, opacity: float) -> NDArray[np.float64]:
+    scene, ball = loaded(), loaded(sky=False, ball=BALL)
+    light = mi.load_dict({"type": "direct_stratified", "strata": 1}).prepare(scene)
+    si = dr.zeros(mi.SurfaceInteraction3f)
+
+    def arriving(ray: mi.Ray3f) -> mi.Spectrum:
+        V = dr.select(ball.ray_test(ray), (1 - opacity) ** 2, mi.Float(1))  # it has two walls
+        return light.radiance_towards(ray.d, si, mi.Bool(True)) * V
+
+    return summed(name, arriving)
+
+
+@pytest.mark.parametrize(("name", "technique", "properties"), TECHNIQUES)
+def test_light_of_the_map(name: str, technique: str, properties: dict[str, Any]) -> None:
+    scene = loaded(ball=BALL)
+    integrator = mi.load_dict({"type": f"direct_{technique}", **properties})
+    light = integrator.prepare(scene)
+    found = estimates(name, lambda *point: integrator.environment_light(scene, light, *point))
+    assert_mean(found, of_map(mi.variant(), name, 1.0), 3 * len(TECHNIQUES))
+
+
+@pytest.mark.parametrize("bsdf_samples", [0, 2])
+def test_light_of_the_map_through_masks(bsdf_samples: int) -> None:
+    from stratalux.integrators.straight import Obstacles  # of the active variant
+
+    scene = loaded(ball={**BALL, "bsdf": {"type": "mask", "opacity": 0.4, "inside": {"type": "diffuse"}}})
+    integrator = mi.load_dict({"type": "direct_stratified", "strata": 3, "bsdf_samples": bsdf_samples})
+    light, obstacles = integrator.prepare(scene), Obstacles(scene)
+    found = estimates("roughplastic", lambda *point: integrator.environment_light(obstacles, light, *point))
+    assert_mean(found, of_map(mi.variant(), "roughplastic", 0.4), 3 * 2)
+
+
+# ------------------------------- Other emitters -------------------------------
+
+
+@pytest.mark.parametrize(("name", "masked"), [("plastic", False), ("plastic", True), ("roughconductor", True)])
+def test_light_of_lamps(name: str, masked: bool) -> None:
+    """The map is not theirs, but for what a delta lobe finds of it."""
+    from stratalux.integrators.other_emitters import OtherEmitters
+    from stratalux.integrators.straight import Obstacles
+
+    half = {"type": "mask", "opacity": 0.4, "inside": {"type": "diffuse", "reflectance": 0.0}}
+    veils = {} if not masked else {
+        "veil": {"type": "rectangle", "to_world": T().translate([0, 0, 0.3]).scale([0.4, 8, 1]), "bsdf": half},
+        "second": {"type": "rectangle", "to_world": T().translate([0.5, 0, 0.35]).scale([0.6, 8, 1]), "bsdf": half},
+    }  # fmt: skip
+    scene = loaded(point=POINT, **LAMPS, **veils)
+    lamps, shapes = loaded(sky=False, **LAMPS), [loaded(sky=False, veil=veil) for veil in veils.values()]
+    obstacles = Obstacles(scene) if masked else None
+    others = OtherEmitters(scene, True, obstacles=obstacles)
+    assert others.lights and others.found_by_bsdf
+
+    def through(ray: mi.Ray3f) -> mi.Float:
+        V = mi.Float(1)
+        for veil in shapes:
+            V *= dr.select(veil.ray_test(ray), 0.6, mi.Float(1))
+        return V
+
+    def arriving(ray: mi.Ray3f) -> mi.Spectrum:
+        hit = lamps.ray_intersect(ray)
+        return dr.select(hit.is_valid(), hit.shape.emitter().eval(hit), 0) * through(ray)
+
+    expected = summed(name, arriving)
+    si, bsdf = point(1, name)
+    to_light = mi.Vector3f(*POINT["position"])
+    ray = si.spawn_ray_to(mi.Point3f(to_light))
+    intensity = mi.Spectrum(*POINT["intensity"]["value"]) / dr.squared_norm(to_light)
+    lit = bsdf.eval(mi.BSDFContext(), si, dr.normalize(to_light)) * intensity * through(ray)
+    assert not lamps.ray_test(ray).numpy().any() and lit.numpy().any()
+    expected += lit.numpy().ravel()
+    if name == "plastic":
+        mirrored = si.spawn_ray(mi.reflect(si.wi))
+        bs, weight = bsdf.sample(mi.BSDFContext(), si, mi.Float(0.0), mi.Point2f(0.5))
+        assert mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta).numpy().all()
+        hit = scene.ray_intersect(mirrored)
+        expected += (weight * bs.pdf * hit.emitter(scene).eval(hit)).numpy().ravel() * through(mirrored).numpy()
+
+    def both(sampler: mi.Sampler, *at: Any) -> mi.Spectrum:
+        return others.emitter_sampling(scene, sampler, *at) + others.bsdf_sampling(scene, sampler, *at)
+
+    assert_mean(estimates(name, both), expected, 3 * 3)
