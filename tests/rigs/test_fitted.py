@@ -64,7 +64,7 @@ def test_a_sun_of_one_texel_is_as_wide_as_it() -> None:
 
 @pytest.mark.parametrize(
     ("height", "width", "radius"),
-    [(91, 180, 5.0), (9, 40, 1.5 * 180 / 8), (41, 12, 1.5 * 360 / 12)],
+    [(91, 180, 5.0), (9, 36, 1.5 * 180 / 8), (41, 12, 1.5 * 360 / 12)],
     ids=["fine", "few rows", "few columns"],
 )
 def test_the_sun_is_what_is_brighter_than_what_is_around(height: int, width: int, radius: float) -> None:
@@ -97,6 +97,18 @@ def test_a_dim_sun_is_one() -> None:
 @pytest.mark.parametrize("name", ["hall", "constant", "random"])
 def test_what_is_wide_or_dim_is_no_sun(name: str) -> None:
     assert not find_sun(EnvironmentMap(MAPS[name])).is_one
+
+
+def test_suns_are_five_degrees_wide_at_most() -> None:
+    assert find_sun(EnvironmentMap(disk_map(0.3, 0.25, 4.8))).is_one
+    assert not find_sun(EnvironmentMap(disk_map(0.3, 0.25, 5.4))).is_one
+
+
+def test_the_sun_of_two_rows_has_no_sky_around() -> None:
+    texels = np.full((2, 4, 3), [1, 2, 3], np.float32)
+    sun = find_sun(EnvironmentMap(texels))
+    np.testing.assert_allclose(sun.colour, 4 * np.pi * texels[0, 0], rtol=1e-5)
+    assert sun.share == pytest.approx(1) and not sun.is_one
 
 
 def test_sun_and_sky_are_the_whole_map() -> None:

@@ -80,6 +80,11 @@ def test_the_floor_is_lit_from_above() -> None:
         ambient[k] = 0.5
         found = quality(environment, replace(lights, ambient=ambient))["shadow_error"]
         assert (found != pytest.approx(plain, rel=1e-9)) == counts
+    ambient = np.zeros((9, 3))
+    ambient[1] = 0.5
+    found = quality(environment, replace(lights, colour=np.zeros((1, 3)), ambient=ambient))["shadow_error"]
+    under, even = module._on_the_floor(*sources(environment)), 2 / 3 * np.pi * np.sqrt(3 / (4 * np.pi)) * 0.5
+    assert found == pytest.approx(np.sqrt(np.sum((even - under) ** 2) / np.sum(under**2)), rel=1e-9)
 
 
 def test_the_shadow_of_a_light_is_where_the_ball_is_in_the_way() -> None:
@@ -92,6 +97,10 @@ def test_the_shadow_of_a_light_is_where_the_ball_is_in_the_way() -> None:
         x = np.meshgrid(t, t)[0]
         assert np.sum(lit == 0) * (6 / 24) ** 2 == pytest.approx(area, rel=0.06)
         assert x[lit == 0].mean() == pytest.approx(centre, abs=0.05)
+    slanted = np.array([[1.0, 2, 3]]) / np.sqrt(14)
+    dark = module._on_the_floor(slanted, np.ones((1, 3)))[:, 0].reshape(24, 24) == 0
+    middle = [grid[dark].mean() for grid in np.meshgrid(t, t)]  # where a ray through the centre ends, more or less
+    assert middle == pytest.approx([-0.5, -1.5], abs=0.15)
     below = module._on_the_floor(np.array([[0, -1.0, 0]]), np.ones((1, 3)))
     assert not below.any()
 
