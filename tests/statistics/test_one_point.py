@@ -62,25 +62,28 @@ def point(lanes: int, name: str) -> tuple[mi.SurfaceInteraction3f, mi.BSDFPtr]:
     return si, dr.gather(mi.BSDFPtr, mi.BSDFPtr(material(mi.variant(), name)), dr.zeros(mi.UInt32, lanes))
 
 
-def summed(name: str, arriving: Callable[[mi.Ray3f], mi.Spectrum]) -> NDArray[np.float64]:
-    """∫ f cos L dω, (3,), by the midpoint rule over the hemisphere; ``arriving``: L along rays from the point."""
+def summed(name: str, arriving: Callable[[mi.Ray3f], mi.Spectrum], other: mi.BSDF | None = None) -> NDArray[np.float64]:
+    """∫ f cos L dω, (3,), by the midpoint rule over the hemisphere; ``arriving``: L along rays from the point.
+
+    ``other``: a BSDF in place of that of the ``name``.
+    """
     k = dr.arange(mi.UInt32, 2 * STEPS * STEPS)
     row = k // (2 * STEPS)
     cosine = (mi.Float(row) + 0.5) / STEPS  # even steps of it are even steps of solid angle
     sine, φ = dr.sqrt(1 - cosine * cosine), dr.pi / STEPS * (mi.Float(k - row * (2 * STEPS)) + 0.5)
     d = mi.Vector3f(dr.cos(φ) * sine, dr.sin(φ) * sine, cosine)
     si, bsdf = point(dr.width(k), name)
-    g = bsdf.eval(mi.BSDFContext(), si, d) * arriving(si.spawn_ray(d))
+    g = (bsdf if other is None else other).eval(mi.BSDFContext(), si, d) * arriving(si.spawn_ray(d))
     return np.asarray(g.numpy().astype(np.float64).mean(axis=1) * 2 * np.pi)
 
 
-def assert_mean(estimates: NDArray[Any], expected: NDArray[np.float64], comparisons: int = 3) -> None:
-    """Student's t-test of ``estimates`` (runs, 3), at the level of all comparisons together."""
+def assert_mean(estimates: NDArray[Any], expected: NDArray[np.float64], comparisons: int, least: float = 0.01) -> None:
+    """Student's t-test of ``estimates`` (runs, K), at the level of all comparisons together, with so small an error."""
     error = estimates.std(axis=0, ddof=1) / np.sqrt(len(estimates))
-    assert (error < 0.01 * expected).all()  # it can tell
+    assert (error < least * np.abs(expected)).all()  # it can tell
     off = np.abs(estimates.mean(axis=0) - expected)
     p = 2 * stats.t.sf(off / np.maximum(error, 1e-30), len(estimates) - 1)
-    near = off < 2e-4 * expected  # that is how exact the sums are
+    near = off < 2e-4 * np.abs(expected)  # that is how exact the sums are
     assert (near | (p > sidak(comparisons))).all(), f"{estimates.mean(axis=0)} and not {expected}, p = {p}"
 
 
@@ -112,7 +115,7 @@ TECHNIQUES: list[tuple[str, str, dict[str, Any]]] = [
 
 
 @cache
-def of_map(variant: str, name: str, opacity: float) -> NDArray[np.float64]:
+def of_map(variant: str, name: str, opacity: float, roughness: float | None = None) -> NDArray[np.float64]:
     scene, ball = loaded(), loaded(sky=False, ball=BALL)
     light = mi.load_dict({"type": "direct_stratified", "strata": 1}).prepare(scene)
     si = dr.zeros(mi.SurfaceInteraction3f)
@@ -121,7 +124,7 @@ def of_map(variant: str, name: str, opacity: float) -> NDArray[np.float64]:
         V = dr.select(ball.ray_test(ray), (1 - opacity) ** 2, mi.Float(1))  # it has two walls
         return light.radiance_towards(ray.d, si, mi.Bool(True)) * V
 
-    return summed(name, arriving)
+    return summed(name, arriving, None if roughness is None else rough(roughness))
 
 
 @pytest.mark.parametrize(("name", "technique", "properties"), TECHNIQUES)
@@ -209,3 +212,76 @@ def test_light_of_lamps(name: str, masked: bool, around: str) -> None:
         return others.emitter_sampling(scene, sampler, *at) + others.bsdf_sampling(scene, sampler, *at)
 
     assert_mean(estimates(name, both), expected, 3 * 5)
+
+
+# ------------------------------- Derivatives -------------------------------
+
+STEP = 0.01
+
+
+def slope(at: Callable[[float], NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Of the sum of channels with the ``roughness``, by a difference."""
+    ends = [float(at(0.3 + step).sum()) for step in (-STEP, STEP)]
+    return np.array([(ends[1] - ends[0]) / (2 * STEP)])
+
+
+def slopes(of: mi.Scene, estimate: Callable[..., mi.Spectrum]) -> NDArray[np.float64]:
+    """Derivatives (runs, 1) of the sum of the channels of ``estimate`` with the roughness of the ball."""
+    params, found = mi.traverse(of), []
+    sampler = mi.load_dict({"type": "independent"})
+    ball = next(shape for shape in of.shapes() if shape.id() == "ball")
+    bsdf = dr.gather(mi.BSDFPtr, mi.BSDFPtr(ball.bsdf()), dr.zeros(mi.UInt32, 4 * LANES))
+    for run in range(RUNS):
+        roughness = mi.Float(0.3)
+        dr.enable_grad(roughness)
+        params["ball.bsdf.alpha.value"] = roughness
+        params.update()
+        sampler.seed(run, 4 * LANES)
+        si, _ = point(4 * LANES, "roughconductor")
+        dr.backward(dr.sum(dr.sum(estimate(sampler, si, bsdf, mi.Bool(True)))) / (4 * LANES))
+        found.append(dr.grad(roughness).numpy().astype(np.float64))
+    params["ball.bsdf.alpha.value"] = mi.Float(0.3)  # or all scenes that live had derivatives
+    params.update()
+    return np.array(found)
+
+
+def rough(roughness: float) -> mi.BSDF:
+    return mi.load_dict({**MATERIALS["roughconductor"], "alpha": roughness})
+
+
+@pytest.mark.parametrize(
+    ("technique", "properties"),
+    [
+        ("stratified", {"strata": 3, "proposals": 2, "bsdf_samples": 2}),
+        ("importance", {"samples": 3, "proposals": 6, "bsdf_samples": 2}),
+        ("wavelet", {"samples": 4, "resolution": 8}),
+    ],
+)
+def test_derivatives_of_light_of_the_map(technique: str, properties: dict[str, Any]) -> None:
+    of = loaded(ball={**BALL, "bsdf": {**MATERIALS["roughconductor"], "id": "rough"}})
+    integrator = mi.load_dict({"type": f"direct_{technique}", **properties})
+
+    def estimate(*at: Any) -> mi.Spectrum:
+        light = integrator.prepare(of)
+        assert light.differentiated
+        return integrator.environment_light(of, light, *at)
+
+    expected = slope(lambda roughness: of_map(mi.variant(), "roughconductor", 1.0, roughness))
+    assert_mean(slopes(of, estimate), expected, 4, 0.04)
+
+
+def test_derivatives_of_light_of_lamps() -> None:
+    from stratalux.integrators.other_emitters import OtherEmitters
+
+    of = loaded(ball={**BALL, "bsdf": {**MATERIALS["roughconductor"], "id": "rough"}}, **LAMPS)
+    others, lamps = OtherEmitters(of, True, True), loaded(False, ball=BALL, **LAMPS)
+
+    def arriving(ray: mi.Ray3f) -> mi.Spectrum:
+        hit = lamps.ray_intersect(ray)
+        return dr.select(hit.is_valid(), hit.shape.emitter().eval(hit), 0)
+
+    def both(sampler: mi.Sampler, *at: Any) -> mi.Spectrum:
+        return others.emitter_sampling(of, sampler, *at) + others.bsdf_sampling(of, sampler, *at)
+
+    expected = slope(lambda roughness: summed("roughconductor", arriving, rough(roughness)))
+    assert_mean(slopes(of, both), expected, 4, 0.04)
