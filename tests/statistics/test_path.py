@@ -259,6 +259,21 @@ def test_light_within_a_ball_of_leaves(depth: int, rr_depth: int) -> None:
     assert_means(whole - direct, expected)
 
 
+def test_light_of_a_lamp_around_a_ball_of_leaves() -> None:
+    """With direct light: (1 − o) e Σ (o a)ᵏ."""
+    a, e, opacity = np.array([0.9, 0.6, 0.4]), np.array([1.0, 2.0, 3.0]), 0.7
+    leaf = {"type": "twosided", "of": {"type": "diffuse", "reflectance": {"type": "rgb", "value": a.tolist()}}}
+    described = inside("sphere", {"type": "mask", "opacity": opacity, "inside": leaf})
+    described["lamp"] = {
+        "type": "cube",
+        "flip_normals": True,
+        "to_world": mi.ScalarTransform4f().scale(3),
+        "emitter": {"type": "area", "radiance": {"type": "rgb", "value": e.tolist()}},
+    }
+    images = runs(mi.load_dict(described), {"type": "path_stratified", "max_depth": 4, "rr_depth": 1}, 64, RUNS, 0)
+    assert_means(images, (1 - opacity) * e * ((opacity * a) ** np.arange(4)[:, None]).sum(axis=0))
+
+
 def weights(texels: NDArray[Any]) -> NDArray[np.float64]:
     """Of texels in the mean over all directions, by Mitsuba's lookup: linear between rows."""
     height, width = texels.shape[:2]
