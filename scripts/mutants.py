@@ -101,18 +101,35 @@ TESTS = {
     "integrators/common.py": "integrators/test_common.py integrators/test_weights.py integrators/test_derivatives.py "
     "statistics/test_others_are_off.py "
     "statistics/test_scenes.py statistics/test_techniques.py statistics/test_unbiased.py",
-    "integrators/derivatives.py": "integrators/test_derivatives.py statistics/test_derivatives.py",
-    "integrators/direct_importance.py": "integrators/test_direct_importance.py "
-    "statistics/test_techniques.py -k importance or low_discrepancy",
     "integrators/direct_lights.py": "integrators/test_direct_lights.py statistics/test_lights.py "
     "integrators/test_techniques.py",
-    "integrators/direct_stratified.py": "integrators/test_weights.py integrators/test_techniques.py "
-    "statistics/test_unbiased.py",
-    "integrators/direct_wavelet.py": "statistics/test_wavelet.py",
     "integrators/environment.py": "integrators/test_environment.py statistics/test_scenes.py",
-    "integrators/light_samples.py": "integrators/test_light_samples.py integrators/test_weights.py "
-    "integrators/automatic/test_launch.py statistics/test_nested_strata.py",
     "integrators/mitsuba_own.py": "integrators/test_techniques.py",
+    "integrators/catcher.py": "integrators/test_catcher.py statistics/test_catcher.py",
+    "integrators/derivatives.py": "integrators/test_derivatives.py integrators/test_straight.py "
+    "statistics/test_one_point.py statistics/test_derivatives.py -k learn or derivative or refused",
+    "integrators/direct_importance.py": "integrators/test_direct_importance.py statistics/test_one_point.py "
+    "statistics/test_techniques.py -k points or seeds or importance or low_discrepancy",
+    "integrators/direct_stratified.py": "integrators/test_weights.py statistics/test_one_point.py "
+    "integrators/test_techniques.py statistics/test_unbiased.py -k not importance and not wavelet and not lamps",
+    "integrators/direct_wavelet.py": "statistics/test_one_point.py statistics/test_wavelet.py -k wavelet",
+    "integrators/light_samples.py": "integrators/test_light_samples.py integrators/test_weights.py "
+    "statistics/test_one_point.py integrators/automatic/test_launch.py statistics/test_nested_strata.py "
+    "-k not importance and not wavelet and not lamps",
+    "integrators/other_emitters.py": "integrators/test_common.py statistics/test_one_point.py "
+    "statistics/test_others_are_off.py statistics/test_unbiased.py "
+    "-k emitter or power or delta or lamps or others_are_off or light or without",
+    "integrators/path_stratified.py": "integrators/test_path_stratified.py statistics/test_path.py",
+    "integrators/sight.py": "integrators/test_backdrop.py integrators/test_catcher.py integrators/test_straight.py",
+    "integrators/straight.py": "integrators/test_straight.py statistics/test_one_point.py statistics/test_straight.py "
+    "-k straight or masks or lamps",
+    "integrators/automatic/view.py": "integrators/automatic/test_view.py statistics/test_nested_strata.py",
+    "integrators/indirect/image.py": "statistics/test_path.py integrators/test_path_stratified.py",
+    "integrators/indirect/launch.py": "statistics/test_path.py integrators/test_path_stratified.py",
+    "integrators/indirect/paths.py": "statistics/test_path.py integrators/test_path_stratified.py",
+    "integrators/indirect/vertex.py": "statistics/test_path.py integrators/test_path_stratified.py",
+    "maps/frames.py": "scenes/test_load.py -k frame",
+    "rigs/quality.py": "rigs/test_quality.py rigs/test_harmonics.py",
 }
 
 

@@ -81,6 +81,67 @@ def test_a_stack_of_masks_shows_its_part_of_what_is_behind(ours: dict[str, Any])
         assert r == g == b == 0 and 1 - alpha == close
 
 
+@pytest.mark.parametrize("lights", [False, True])
+@pytest.mark.parametrize("closed", [False, True], ids=["open", "closed"])
+def test_what_each_ray_brings_from_behind_coloured_layers(closed: bool, lights: bool) -> None:
+    """Ray by ray: it passes as many layers as its random number is below products of their luminances."""
+    from stratalux.integrators.straight import first_surface  # of the active variant
+
+    lit = [{**wall(mask(0.5), z), "emitter": {"type": "area", "radiance": z + 1.0}} for z in (0, 1)]
+    end = {"end": wall(BLACK, 2)} if closed else {}
+    of = scene(near=lit[0], far=lit[1], **end)
+    T = np.array([0.9, 0.6, 0.3])
+
+    def coloured(si: mi.SurfaceInteraction3f, none: mi.Spectrum) -> mi.Spectrum:
+        return dr.select(none > 0, mi.Spectrum(*T.tolist()), 0)
+
+    u = (np.arange(1000) + 0.5) / 1000
+    ray = dr.zeros(mi.Ray3f, len(u))
+    ray.o, ray.d, ray.maxt = mi.Point3f(0.1, 0.2, -5), mi.Vector3f(0, 0, 1), dr.inf
+    active = np.arange(len(u)) % 4 > 0
+    found = first_surface(of, ray, mi.Float(u.astype(np.float32)), coloured, lights, mi.Bool(active))
+    p = float(mi.luminance(mi.Color3f(*T.tolist()))[0])
+    passed = np.where(active, (u < p) * 1 + (u < p * p), 0)
+    through = (T[:, None] / p) ** passed
+    stays = np.where(passed < 2, 1 - p, 1)
+    shone = lights * (np.where(passed > 0, 1.0, 0) + np.where(passed > 1, 2 * T[:, None] / p, 0))
+    np.testing.assert_allclose(found.behind(mi.Spectrum(1, 2, 3)).numpy().T, (through * [[1], [2], [3]]).T, rtol=1e-5)
+    np.testing.assert_allclose(found.emitted(mi.Spectrum(0)).numpy(), np.broadcast_to(shone, (3, 1000)), rtol=1e-5)
+    reflected = found.reflected(mi.Spectrum(1)).numpy()
+    np.testing.assert_allclose(reflected[:, active], (through / stays)[:, active], rtol=1e-5)
+    t = np.where(found.si.is_valid().numpy(), found.si.p.z.numpy(), np.inf)[active]
+    np.testing.assert_allclose(t, np.where(passed < 2, passed, 2 if closed else np.inf)[active], atol=1e-3)
+    # On average, that is the product of all: of what is behind them.
+    np.testing.assert_allclose(np.where(passed == 2, through, 0)[:, active].mean(axis=1), T * T, rtol=5e-3)
+
+
+@pytest.mark.parametrize("masks", [False, True])
+def test_what_is_in_the_way_of_light(masks: bool) -> None:
+    """Ray by ray, up to where each ends; where shadows are what counts, it is what does not arrive."""
+    from stratalux.integrators.straight import Obstacles, arriving
+
+    of = scene(near=wall(mask(0.4)), far=wall(mask(0.25), 1), **({} if masks else {"end": wall(BLACK, 2)}))
+    ray = dr.zeros(mi.Ray3f, 4)
+    ray.o, ray.d = mi.Point3f(0, 0, mi.Float(-1, -1, -1, 3)), mi.Vector3f(0, 0, 1)
+    ray.maxt = mi.Float(0.5, 1.5, dr.inf, dr.inf)
+    expected = np.array([1, 0.6, 0.6 * 0.75, 1] if masks else [1, 0, 0, 1])
+    caught = mi.Bool([True, False, True, True])
+    for obstacles, counted in (
+        (Obstacles(of, masks), expected),
+        (Obstacles(of, masks, caught), np.where(caught.numpy(), 1 - expected, expected)),
+    ):
+        V = obstacles.visible(ray, mi.Bool(True))
+        np.testing.assert_allclose(V.numpy(), np.tile(expected, (3, 1)), rtol=1e-5, atol=1e-7)
+        si = dr.zeros(mi.SurfaceInteraction3f, 4)
+        si.p, si.n = ray.o, mi.Normal3f(0, 0, 1)
+        active = mi.Bool([True, True, False, True])
+        brought = arriving(obstacles, si, ray.d, mi.Spectrum(2), active).numpy()[0]
+        whole = 1 - expected[2] if obstacles.caught is not None else expected[2]
+        np.testing.assert_allclose(brought, 2 * np.array([whole, expected[2], 0, counted[3]]), rtol=1e-5, atol=1e-6)
+    plain = arriving(of, si, ray.d, mi.Spectrum(2), mi.Bool([True, True, False, True])).numpy()[0]
+    assert plain.tolist() == [0, 0, 0, 2]
+
+
 def test_a_half_transparent_ball_has_two_walls() -> None:
     """Evenly shared random numbers: with 64 samples, a quarter of a pixel's go on through both, but for one or two."""
     of = scene(size=(1, 1), ball={"type": "sphere", "radius": 4, "center": [0, 0, 8], "bsdf": mask(0.5)})

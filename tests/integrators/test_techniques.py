@@ -62,6 +62,7 @@ def test_rays_are_divided_between_the_properties_that_cost_them() -> None:
 def test_values_are_read_by_the_type_of_the_default() -> None:
     _, given = parse_technique("kmeans:lights=5,jitter=true")
     assert given == {"lights": 5, "jitter": True}
+    assert parse_technique("kmeans:jitter=False")[1] == {"jitter": False}
     assert Property(0.5, "").parse("2", "x") == 2.0
     assert Property(0.5, "").check(2, "x") == 2.0
     assert Property("a", "", choices=("a", "b")).parse("b", "x") == "b"
@@ -91,6 +92,19 @@ def test_settings_refuse_what_the_technique_does_not_have() -> None:
         technique.settings({"m": 3})
     with pytest.raises(InputError, match="'x' is not of type int"):
         technique.settings({"n": "x"})
+    with pytest.raises(InputError, match="no property 'm'; it has none"):
+        Technique("a", "b", "c", "d", True).settings({"m": 3})
+    assert technique.settings({"n": 1 << 20}) == {"n": 1 << 20}
+    with pytest.raises(InputError, match="n: 1048577 is too large; give at most 1048576"):
+        technique.settings({"n": (1 << 20) + 1})
+
+
+def test_the_first_of_the_properties_that_cost_rays_has_its_own_limit() -> None:
+    both = {"few": Property(1, "", minimum=0, maximum=8), "many": Property(1, "", minimum=0)}
+    technique = Technique("a", "b", "c", "d", True, both, rays=("few", "many"))
+    assert technique.with_rays(17) == ({"few": 8}, 2)
+    assert technique.with_rays(9) == ({"few": 8}, 1)
+    assert Technique("a", "b", "c", "d", True).with_rays(4) == ({}, 4)
 
 
 def test_any_property_of_stratified_pins_the_paper_scheme() -> None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from stratalux import EnvironmentMap, InputError
 from stratalux.errors import RigWarning
+from stratalux.images.colour import LUMINANCE
 from stratalux.maps.geometry import direction, map_coordinates, texel_solid_angle
 from stratalux.rigs import RIGS, light_rig
 from stratalux.rigs.fitted import _Fit, fitted, sun_and_sky
@@ -61,9 +62,53 @@ def test_a_sun_of_one_texel_is_as_wide_as_it() -> None:
     np.testing.assert_allclose(sun.direction, texel_directions(64, 128)[20 * 128 + 40], atol=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("height", "width", "radius"),
+    [(91, 180, 5.0), (9, 36, 1.5 * 180 / 8), (41, 12, 1.5 * 360 / 12)],
+    ids=["fine", "few rows", "few columns"],
+)
+def test_the_sun_is_what_is_brighter_than_what_is_around(height: int, width: int, radius: float) -> None:
+    """Nothing within is taken away, and what is further off than twice the radius does not matter."""
+    points, Ω = texel_directions(height, width), texel_solid_angle(height, width).ravel()
+    peak = (height // 2) * width + width // 3
+    distance = np.degrees(np.arccos(np.clip(points @ points[peak], -1, 1)))
+    texels = np.where(distance > 2 * radius, 7.0, 2.0)[:, None] * np.array([1, 2, 3])
+    within = np.flatnonzero(distance < radius - 1e-6)
+    around = np.flatnonzero((distance > radius + 1e-6) & (distance < 2 * radius))
+    texels[around[np.argsort(distance[around])[:2]]] = 100  # too far off, and too few to be the sky
+    texels[within] += np.linspace(20, 30, len(within))[:, None]
+    texels[peak] = 1000
+    texels[within[0]] = 0
+    sun = find_sun(EnvironmentMap(texels.reshape(height, width, 3).astype(np.float32)))
+    excess = np.maximum(texels - 2.0 * np.array([1, 2, 3]), 0)
+    colour = Ω[within] @ excess[within]
+    np.testing.assert_allclose(sun.colour, colour, rtol=1e-5)
+    whole = Ω @ texels
+    assert sun.share == pytest.approx(float(colour @ LUMINANCE) / float(whole @ LUMINANCE), rel=1e-5)
+
+
+def test_a_dim_sun_is_one() -> None:
+    texels = disk_map(0.3, 0.25, 3, 64)
+    bright, dim = find_sun(EnvironmentMap(texels)), find_sun(EnvironmentMap(1e-6 * texels))
+    np.testing.assert_allclose(dim.colour, 1e-6 * bright.colour, rtol=1e-4)
+    assert dim.is_one and dim.share == pytest.approx(bright.share, rel=1e-4)
+
+
 @pytest.mark.parametrize("name", ["hall", "constant", "random"])
 def test_what_is_wide_or_dim_is_no_sun(name: str) -> None:
     assert not find_sun(EnvironmentMap(MAPS[name])).is_one
+
+
+def test_suns_are_five_degrees_wide_at_most() -> None:
+    assert find_sun(EnvironmentMap(disk_map(0.3, 0.25, 4.8))).is_one
+    assert not find_sun(EnvironmentMap(disk_map(0.3, 0.25, 5.4))).is_one
+
+
+def test_the_sun_of_two_rows_has_no_sky_around() -> None:
+    texels = np.full((2, 4, 3), [1, 2, 3], np.float32)
+    sun = find_sun(EnvironmentMap(texels))
+    np.testing.assert_allclose(sun.colour, 4 * np.pi * texels[0, 0], rtol=1e-5)
+    assert sun.share == pytest.approx(1) and not sun.is_one
 
 
 def test_sun_and_sky_are_the_whole_map() -> None:

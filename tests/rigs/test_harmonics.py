@@ -30,8 +30,9 @@ def test_irradiance_is_their_sum_with_the_cosine() -> None:
 def test_turned_light_comes_from_elsewhere() -> None:
     rotation = Rotation.from_rotvec([0.3, -1.1, 0.6]).as_matrix()
     omega = spread(50)
-    there = harmonics(omega @ rotation.T) @ turned(COEFFICIENTS, rotation)
-    np.testing.assert_allclose(there, harmonics(omega) @ COEFFICIENTS, atol=1e-12)
+    for coefficients in (COEFFICIENTS, *(COEFFICIENTS * (np.arange(9) == k)[:, None] for k in range(9))):
+        there = harmonics(omega @ rotation.T) @ turned(coefficients, rotation)
+        np.testing.assert_allclose(there, harmonics(omega) @ coefficients, atol=1e-12)
 
 
 def test_a_constant_stays_one() -> None:
@@ -50,3 +51,14 @@ def test_the_map_is_not_negative_and_keeps_its_mean() -> None:
     np.testing.assert_allclose(mean, deep[0] / np.sqrt(4 * np.pi), rtol=2e-3)
     plain = ambient_map(COEFFICIENTS, 64).reshape(-1, 3)
     np.testing.assert_allclose(plain, harmonics(texel_directions(64, 128)) @ COEFFICIENTS, rtol=2e-3, atol=2e-3)
+
+
+def test_dim_and_black_light_is_kept_as_it_is() -> None:
+    """Also where it is negative, which becomes 0."""
+    np.testing.assert_allclose(ambient_map(1e-3 * COEFFICIENTS), 1e-3 * ambient_map(COEFFICIENTS), rtol=1e-5)
+    assert not ambient_map(np.zeros((9, 3))).any()
+    negative = np.zeros((9, 3))
+    negative[0] = -1
+    assert not ambient_map(negative).any()
+    negative[1] = 2  # but not everywhere
+    assert not ambient_map(negative).any()

@@ -68,6 +68,25 @@ def test_ambient_light_is_that_of_a_constant_map() -> None:
     assert found["shadow_error"] == pytest.approx(expected, rel=0.02)
 
 
+def test_the_floor_is_lit_from_above() -> None:
+    """Ambient light that is as bright on either side of it makes no difference to it; what comes from above does."""
+    texels = np.zeros((16, 32, 3), np.float32)
+    texels[5, 9] = [3, 2, 1]
+    environment = EnvironmentMap(texels)
+    lights = one([0, 1, 0], [1.0, 1, 1])
+    plain = quality(environment, lights)["shadow_error"]
+    for k, counts in ((1, True), (2, False), (3, False)):  # Y of y, z, x
+        ambient = np.zeros((9, 3))
+        ambient[k] = 0.5
+        found = quality(environment, replace(lights, ambient=ambient))["shadow_error"]
+        assert (found != pytest.approx(plain, rel=1e-9)) == counts
+    ambient = np.zeros((9, 3))
+    ambient[1] = 0.5
+    found = quality(environment, replace(lights, colour=np.zeros((1, 3)), ambient=ambient))["shadow_error"]
+    under, even = module._on_the_floor(*sources(environment)), 2 / 3 * np.pi * np.sqrt(3 / (4 * np.pi)) * 0.5
+    assert found == pytest.approx(np.sqrt(np.sum((even - under) ** 2) / np.sum(under**2)), rel=1e-9)
+
+
 def test_the_shadow_of_a_light_is_where_the_ball_is_in_the_way() -> None:
     """From straight above it is a disk of radius 1; from 45 degrees, an ellipse of area π √2 around (−1, 0)."""
     for direction, area, centre in (([0, 1, 0], np.pi, 0.0), ([1, 1, 0], np.pi * np.sqrt(2), -1.0)):
@@ -78,6 +97,10 @@ def test_the_shadow_of_a_light_is_where_the_ball_is_in_the_way() -> None:
         x = np.meshgrid(t, t)[0]
         assert np.sum(lit == 0) * (6 / 24) ** 2 == pytest.approx(area, rel=0.06)
         assert x[lit == 0].mean() == pytest.approx(centre, abs=0.05)
+    slanted = np.array([[1.0, 2, 3]]) / np.sqrt(14)
+    dark = module._on_the_floor(slanted, np.ones((1, 3)))[:, 0].reshape(24, 24) == 0
+    middle = [grid[dark].mean() for grid in np.meshgrid(t, t)]  # where a ray through the centre ends, more or less
+    assert middle == pytest.approx([-0.5, -1.5], abs=0.15)
     below = module._on_the_floor(np.array([[0, -1.0, 0]]), np.ones((1, 3)))
     assert not below.any()
 
@@ -89,6 +112,7 @@ def test_a_light_with_an_angle_is_a_disk() -> None:
     axis = np.array([1, 2, 3]) / np.sqrt(14)
     off = np.degrees(np.arccos(direction[lit] @ axis))
     assert off.max() < 10 and off.max() > 9
+    np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1)
     mean = direction[lit].mean(axis=0)
     np.testing.assert_allclose(mean / np.linalg.norm(mean), axis, atol=0.01)
 

@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from tests.helpers import MATERIALS, assert_same_mean, lamp, runs, scene_dict, sidak, sun_map
+from stratalux import EnvironmentMap
+from tests.helpers import MATERIALS, assert_same_mean, hall_map, lamp, runs, scene_dict, sidak, sun_map
 from tests.variants import MONO, SPECTRAL
 
 RUNS = 32
@@ -222,3 +223,76 @@ def test_a_white_furnace(bsdf: dict[str, Any]) -> None:
         means = np.concatenate([blocks[:, noisy], blocks.mean(axis=1, keepdims=True)], axis=1)
         assert stats.ttest_1samp(means, 1, axis=0).pvalue.min() > sidak(means.shape[1])
         assert abs(means.mean() - 1) < 0.002
+
+
+def inside(kind: str, bsdf: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """Within a closed thing, and a map around it."""
+    described = scene_dict("diffuse", size=(6, 4))
+    T = mi.ScalarTransform4f
+    around = {"type": kind, "flip_normals": True, "bsdf": bsdf, **more}
+    sensor = {**described["sensor"], "to_world": T().look_at([0.2, 0.1, 0], [1, 0.3, 0.4], [0, 1, 0])}
+    return {"type": "scene", "around": around, "sensor": sensor, "sky": described["sky"]}
+
+
+def assert_means(images: NDArray[Any], expected: NDArray[Any]) -> None:
+    """Student's t-test of the means of the channels of images, at the level of all three."""
+    means = images.mean(axis=(1, 2))
+    error = means.std(axis=0, ddof=1) / np.sqrt(len(means))
+    assert (error < 0.02 * expected).all()
+    assert stats.ttest_1samp(means, expected, axis=0).pvalue.min() > sidak(3)
+
+
+@pytest.mark.parametrize(("depth", "rr_depth"), [(-1, 5), (4, 1), pytest.param(3, 5, marks=SLOW)])
+def test_light_within_a_ball_of_leaves(depth: int, rr_depth: int) -> None:
+    """What is scattered once within a matte ball lights all of it alike. So of a map with the mean L̄, beyond direct
+    light, there is (1 − o) L̄ Σ_k≥2 (o a)ᵏ with an opacity of o and an albedo of a."""
+    a, opacity = np.array([0.9, 0.6, 0.4]), 0.7
+    leaf = {"type": "twosided", "of": {"type": "diffuse", "reflectance": {"type": "rgb", "value": a.tolist()}}}
+    described = inside("sphere", {"type": "mask", "opacity": opacity, "inside": leaf})
+    texels = hall_map()
+    mean = 0.5 * EnvironmentMap(texels).texels.reshape(-1, 3).T.astype(np.float64) @ weights(texels)
+    scatterings = np.arange(2, 200 if depth < 0 else depth)
+    expected = (1 - opacity) * mean * ((opacity * a) ** scatterings[:, None]).sum(axis=0)
+    scene = mi.load_dict(described)
+    whole = runs(scene, {"type": "path_stratified", "max_depth": depth, "rr_depth": rr_depth}, 128, RUNS, 0)
+    direct = runs(scene, {"type": "direct_stratified"}, 512, RUNS, 1000)
+    assert_means(whole - direct, expected)
+
+
+def test_light_of_a_lamp_around_a_ball_of_leaves() -> None:
+    """With direct light: (1 − o) e Σ (o a)ᵏ."""
+    a, e, opacity = np.array([0.9, 0.6, 0.4]), np.array([1.0, 2.0, 3.0]), 0.7
+    leaf = {"type": "twosided", "of": {"type": "diffuse", "reflectance": {"type": "rgb", "value": a.tolist()}}}
+    described = inside("sphere", {"type": "mask", "opacity": opacity, "inside": leaf})
+    described["lamp"] = {
+        "type": "cube",
+        "flip_normals": True,
+        "to_world": mi.ScalarTransform4f().scale(3),
+        "emitter": {"type": "area", "radiance": {"type": "rgb", "value": e.tolist()}},
+    }
+    images = runs(mi.load_dict(described), {"type": "path_stratified", "max_depth": 4, "rr_depth": 1}, 64, RUNS, 0)
+    assert_means(images, (1 - opacity) * e * ((opacity * a) ** np.arange(4)[:, None]).sum(axis=0))
+
+
+def weights(texels: NDArray[Any]) -> NDArray[np.float64]:
+    """Of texels in the mean over all directions, by Mitsuba's lookup: linear between rows."""
+    height, width = texels.shape[:2]
+    theta = (np.arange(400 * (height - 1)) + 0.5) / (400 * (height - 1)) * np.pi
+    row = theta / np.pi * (height - 1)
+    low = row.astype(int)
+    sine = np.sin(theta) / np.sin(theta).sum()
+    rows = np.bincount(low, sine * (1 - row + low), height) + np.bincount(low + 1, sine * (row - low), height)
+    return np.repeat(rows / width, width)
+
+
+@pytest.mark.parametrize("depth", [-1, pytest.param(4, marks=SLOW)])
+def test_light_of_walls_that_shine(depth: int) -> None:
+    """On each other, e Σ aᵏ; of the map, nothing. (They are even: of points on a ball that shines, Mitsuba takes some
+    to be within it and some not.)"""
+    a, e = np.array([0.6, 0.4, 0.2]), np.array([1.0, 2.0, 3.0])
+    bsdf = {"type": "diffuse", "reflectance": {"type": "rgb", "value": a.tolist()}}
+    emitter = {"type": "area", "radiance": {"type": "rgb", "value": e.tolist()}}
+    scene = mi.load_dict(inside("cube", bsdf, emitter=emitter))
+    images = runs(scene, {"type": "path_stratified", "max_depth": depth, "rr_depth": 2}, 64, RUNS, 0)
+    expected = e * (a ** np.arange(100 if depth < 0 else depth)[:, None]).sum(axis=0)
+    assert_means(images, expected)

@@ -118,16 +118,17 @@ class Paths:
         while going:
             si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=going)
             L += β * light.found(x, si, pdf, delta, going & (scattered >= 2))
-            going &= si.is_valid() & (scattered < most)
+            reflects = scattered < most  # else, what the last sample of a BSDF finds may still be behind masks
+            going &= si.is_valid() & (reflects | sight.masks)
 
             # ------------------------- Light that arrives here ------------------------
             points = PixelPoints(index, mix(seed + met * 0x9E3779B9))
-            L += β * light.sampled(points, si, si.bsdf(), going)
+            L += β * light.sampled(points, si, si.bsdf(), going & reflects)
 
             # ------------------------------- The way on -------------------------------
             bs, weight, straight, lost = self._way_on(sight, si, points, mi.Bool(False), layers, going)
             β *= weight
-            going &= ~lost & dr.any(β != 0)
+            going &= ~lost & dr.any(β != 0) & (straight | reflects)
             scatters = going & ~straight
             x.p, x.n = dr.select(scatters, si.p, x.p), dr.select(scatters, si.n, x.n)
             x.time, x.wavelengths = si.time, si.wavelengths
