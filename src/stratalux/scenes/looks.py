@@ -77,8 +77,7 @@ class Looks:
         if self._numbers:
             meshes, numbers = zip(*self._numbers.values(), strict=True)
             identities = dr.reinterpret_array(mi.UInt32, mi.ShapePtr(list(meshes))).numpy()
-            # Of one of few sizes, which kernels know.
-            table = np.zeros(1 << int(identities.max()).bit_length(), dtype=np.uint32)
+            table = np.zeros(identities.max() + 1, dtype=np.uint32)
             table[identities] = numbers
             on_device, count, tables = mi.UInt32(table), sum(map(len, self._shared.values())), Tables()
             for members in self._shared.values():

@@ -86,6 +86,7 @@ def _kind(variant: str) -> Any:
 
         def fill(self, rows: Sequence[Row], album: Album, numbers: mi.UInt32, tables: Tables) -> None:
             self.numbers = numbers
+            self.last = tables.of(mi.UInt32, [[dr.width(numbers) - 1]])  # kernels are the same for any
             if self.how.image:
                 self.texels, self.curves = album.texels, album.curves
                 places = [(row.place, row.curved) for row in rows if row.place is not None]
@@ -133,7 +134,7 @@ def _kind(variant: str) -> Any:
         # inside of the other, or for either of their sides, is the same for Dr.Jit, and looked up once.
 
         def _values(self, si: mi.SurfaceInteraction3f, channels: list[int]) -> list[mi.Float]:
-            identity = dr.minimum(dr.reinterpret_array(mi.UInt32, si.shape), dr.width(self.numbers) - 1)
+            identity = dr.minimum(dr.reinterpret_array(mi.UInt32, si.shape), self.last)
             row = dr.gather(mi.UInt32, self.numbers, identity)
             values = self._looked_up(si, row, channels) if self.how.image else [mi.Float(1)] * len(channels)
             if self.how.scaled:
