@@ -157,11 +157,12 @@ def test_new_seeds_compile_nothing() -> None:
     assert len(kernels) > 20 and sum(not kernel["cache_hit"] for kernel in kernels) <= 2
 
 
-def allocated(lit: mi.Scene, bsdf: mi.BSDFPtr, detailed: int = 0) -> list[int]:
+def allocated(lit: mi.Scene, shape: mi.ShapePtr, detailed: int = 0) -> list[int]:
     """Rays for light and BSDF samples, and proposals for each of them."""
     from stratalux.integrators.automatic.lobes import Allocation  # of the active variant
 
-    *numbers, _ = Allocation(lit, mi.load_dict(OURS).prepare(lit)).of(bsdf, mi.UInt32(detailed), mi.Bool(True))
+    allocation = Allocation(lit, mi.load_dict(OURS).prepare(lit))
+    *numbers, _ = allocation.of(shape, shape.bsdf(), mi.UInt32(detailed), mi.Bool(True))
     return [int(number[0]) for number in numbers]
 
 
@@ -170,8 +171,8 @@ def test_shares_follow_the_lobes() -> None:
         description = scene_dict("diffuse")
         description["ball"]["bsdf"] = bsdf
         loaded = mi.load_dict(description)
-        found = [shape.bsdf() for shape in loaded.shapes() if shape.class_name() == "Sphere"]
-        return allocated(loaded, mi.BSDFPtr(found[0]))
+        found = [shape for shape in loaded.shapes() if shape.class_name() == "Sphere"]
+        return allocated(loaded, mi.ShapePtr(found[0]))
 
     diffuse, plastic, rough, shiny = (
         shares(bsdf)
@@ -191,7 +192,7 @@ def test_rays_go_to_other_pixels_where_some_are_glossy() -> None:
 
     def box_and_ball(material: str, detailed: int) -> list[list[int]]:
         lit = scene(material, texels=np.full((32, 64, 3), 0.7, dtype=np.float32))
-        shapes = {shape.class_name(): mi.BSDFPtr(shape.bsdf()) for shape in lit.shapes()}
+        shapes = {shape.class_name(): mi.ShapePtr(shape) for shape in lit.shapes()}
         return [allocated(lit, shapes[name], detailed) for name in ("Cube", "Sphere")]
 
     assert box_and_ball("diffuse", 0) == box_and_ball("diffuse", 1)
@@ -208,7 +209,7 @@ def test_proposals_follow_the_map() -> None:
         description = {"type": "roughconductor", "alpha": alpha}
         for shape in lit.shapes():
             shape.set_bsdf(mi.load_dict(description))
-        return allocated(lit, mi.BSDFPtr(lit.shapes()[0].bsdf()))[2]
+        return allocated(lit, mi.ShapePtr(lit.shapes()[0]))[2]
 
     even = np.full((32, 64, 3), 0.7)
     detailed = even * np.random.default_rng(3).lognormal(0, 3, (32, 64, 1))

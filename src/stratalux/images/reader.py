@@ -18,6 +18,7 @@ import struct
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -81,34 +82,39 @@ class Reader:
         path: Path,
         part: dict[str, Any],
         number: int,
-        channels: list[int],
+        channels: Sequence[int | None],
         columns: tuple[int, int],
         rows: tuple[int, int],
-    ) -> NDArray[np.float32]:
-        """Pixels (rows, columns, channels) of the part with that ``number``.
+        into: NDArray[np.uint8 | np.uint16] | None = None,
+    ) -> NDArray[Any]:
+        """Pixels (rows, columns, channels) of the part with that ``number``, float32.
 
-        ``columns`` and ``rows``: the first one, and the one after the last, in the coordinates of the file.
+        ``columns`` and ``rows``: the first one, and the one after the last, in the coordinates of the file. ``into``:
+        an array for them, of the type of whole numbers that the file has. A channel of None is as large as can be.
         """
-        pixels = np.empty((rows[1] - rows[0], columns[1] - columns[0], len(channels)), dtype=np.float32)
+        pixels: NDArray[Any] = (
+            np.empty((rows[1] - rows[0], columns[1] - columns[0], len(channels)), np.float32) if into is None else into
+        )
+        wide = any(part["types"][c] in ("uint", "uint32") for c in channels if c is not None)
         request = {
             "what": "pixels",
             "core": part["core"],
             "part": number,
-            "type": "uint32" if any(part["types"][c] in ("uint", "uint32") for c in channels) else "float",
-            "channels": channels,
+            "type": str(into.dtype) if into is not None else "uint" if wide else "float",
+            "channels": list(channels),
             "columns": columns,
             "rows": rows,
         }
         self._ask(path, request, pixels)
         return pixels
 
-    def _ask(self, path: Path, request: dict[str, Any], pixels: NDArray[np.float32]) -> dict[str, Any]:
+    def _ask(self, path: Path, request: dict[str, Any], pixels: NDArray[Any]) -> dict[str, Any]:
         """The answer to ``request``; what pixels there are in it go to ``pixels``."""
         process = self._process or self._start()
         self._process = process
         assert process.stdin is not None
-        seconds = _SECONDS + os.path.getsize(path) / _FILE_BYTES_PER_SECOND + pixels.nbytes / _BYTES_PER_SECOND
-        request |= {"path": os.path.abspath(path), "memory": _MEMORY + _COPIES * pixels.nbytes}
+        seconds = _SECONDS + os.path.getsize(path) / _FILE_BYTES_PER_SECOND + 4 * pixels.size / _BYTES_PER_SECOND
+        request |= {"path": os.path.abspath(path), "memory": _MEMORY + _COPIES * 4 * pixels.size}
         left = memoryview(pixels.reshape(-1).view(np.uint8).data)
         deadline = time.monotonic() + seconds
         try:

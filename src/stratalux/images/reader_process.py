@@ -106,7 +106,8 @@ def _description(spec: oiio.ImageSpec) -> dict[str, Any]:
 
 
 def pixels(request: dict[str, Any]) -> Any:
-    """Rows of the ``channels`` asked for (rows, columns, channels), float32, in the rectangle asked for.
+    """Rows of the ``channels`` asked for (rows, columns, channels), in the rectangle asked for, of the ``type`` asked
+    for: float (which 32-bit integers become, too), uint8 or uint16. A channel of None is as large as can be.
 
     ``columns`` and ``rows``: first and last, less one, in the coordinates of the file.
     """
@@ -115,11 +116,12 @@ def pixels(request: dict[str, Any]) -> Any:
     oiio.attribute("openexr:core", 1)
     if source is None or not source.seek_subimage(request["part"], 0):
         raise RuntimeError(_error(oiio.geterror))
-    spec, channels, whole = source.spec(), request["channels"], request["type"] == "uint32"
-    first, last = min(channels), max(channels) + 1
-    together = not whole and last - first <= 2 * len(channels)
+    spec, channels, kind = source.spec(), request["channels"], request["type"]
+    there = [c for c in channels if c is not None]
+    first, last = min(there), max(there) + 1
+    together = kind != "uint" and (None in channels or last - first <= 2 * len(channels))
     ranges = [(first, last)] if together else [(c, c + 1) for c in channels]
-    picked = [c - first for c in channels]
+    picked = [None if c is None else c - first for c in channels]
     x0, x1 = request["columns"]
     y0, y1 = request["rows"]
     step = spec.tile_height or max(1, spec.get_int_attribute("oiio:RowsPerChunk", 1))
@@ -127,11 +129,21 @@ def pixels(request: dict[str, Any]) -> Any:
     step *= max(1, min(_CHUNK // row_bytes, y1 - y0) // step)
     for y in range(spec.y + (y0 - spec.y) // step * step, y1, step):
         end = min(y + step, spec.y + spec.height)
-        blocks = [_block(source, spec, y, end, *range_, "uint" if whole else "float") for range_ in ranges]
-        block = blocks[0][..., picked] if together and picked != [0, 1, 2] else np.concatenate(blocks, axis=2)
+        blocks = [_block(source, spec, y, end, *range_, kind) for range_ in ranges]
+        block = _chosen(blocks[0], picked) if together else np.concatenate(blocks, axis=2)
         block = block[max(y0 - y, 0) : y1 - y, x0 - spec.x : x1 - spec.x]
-        yield np.ascontiguousarray(block, dtype=np.float32)
+        yield np.ascontiguousarray(block, dtype=np.float32 if kind == "uint" else block.dtype)
     source.close()
+
+
+def _chosen(block: np.ndarray, channels: list[int | None]) -> np.ndarray:
+    """Those ``channels`` of a block; None for one that is as large as can be."""
+    if channels == list(range(block.shape[2])):
+        return block
+    chosen = np.empty((*block.shape[:2], len(channels)), block.dtype)
+    for place, channel in enumerate(channels):
+        chosen[..., place] = np.iinfo(block.dtype).max if channel is None else block[..., channel]
+    return chosen
 
 
 def _block(

@@ -6,7 +6,8 @@ Rows are as stored: coordinates do not follow what a file says of its orientatio
 from __future__ import annotations
 
 import tempfile
-from contextlib import nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from .reader import Reader
-from .reading import WHOLE, check_size, codes, default_memory, on_one_line
+from .reading import WHOLE, check_size, default_memory, on_one_line
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,65 @@ class Texels:
         return np.repeat(self.pixels[..., :1], 3, axis=2)
 
 
+@dataclass(frozen=True)
+class Found:
+    """An image file that was looked at, and whose texels are not read yet.
+
+    `size`: width and height. `channels`: places of red, green, blue and alpha, or of grey and alpha, in the file.
+    `kind`: of its numbers, "uint8" for instance. `srgb`: see :class:`Texels`.
+    """
+
+    name: str
+    path: Path
+    part: dict[str, Any]
+    size: tuple[int, int]
+    channels: list[int]
+    kind: str
+    srgb: bool
+
+    def texels(self, reader: Reader) -> Texels:
+        """Read them. Raises :class:`InputError` with one line if the file is damaged."""
+        width, height = self.size
+        into = np.empty((height, width, len(self.channels)), self.kind) if self.kind in WHOLE else None
+        with _called(self.name, self.path):
+            pixels = self._read(reader, self.channels, into)
+            if into is None and not np.isfinite(pixels).all():
+                raise InputError(f"{self.name}: a texel is not a finite number; repair the image")
+        return Texels(pixels, self.srgb)
+
+    def read_rgba(self, reader: Reader, into: NDArray[np.uint8]) -> None:
+        """Read what has 8 bits `into` an array (H, W, 4), of red, green, blue and alpha; raises as :meth:`texels`."""
+        colours, alpha = self.channels[: 3 if len(self.channels) >= 3 else 1], self.channels[len(self.channels) - 1]
+        with _called(self.name, self.path):
+            channels = [*(colours if len(colours) == 3 else 3 * colours), None if len(self.channels) % 2 else alpha]
+            self._read(reader, channels, into)
+
+    def _read(self, reader: Reader, channels: Sequence[int | None], into: NDArray[Any] | None) -> NDArray[Any]:
+        x, y, width, height = self.part["data"]
+        return reader.pixels(self.path, self.part, 0, channels, (x, x + width), (y, y + height), into)
+
+
+def look_at(name: str, path: Path, reader: Reader, max_memory: int | None = None) -> Found:
+    """Look at an image file. `name`: what messages call it; the others are those of :func:`read_texels`.
+
+    Raises :class:`InputError` with one line if the file is missing, damaged, too large or not an image.
+    """
+    with _called(name, path):
+        parts = reader.parts(path)
+        if not parts:
+            raise InputError(f"{name}: no image in it")
+        part = parts[0]
+        _, _, width, height = part["data"]
+        if min(width, height) < 1 or part["depth"] > 1 or part["deep"]:
+            raise InputError(f"{name}: {width}x{height}x{part['depth']} is no size of an image")
+        check_size(path, part, (width, height), default_memory() if max_memory is None else max_memory)
+        channels = _order(part["channels"])
+        kind = part["types"][channels[0]]
+        space = str(part["attributes"].get("oiio:ColorSpace", "")).lower()
+        srgb = kind in WHOLE and not space.startswith(("lin", "raw", "data"))
+        return Found(name, path, part, (width, height), channels, kind, srgb)
+
+
 def read_texels(name: str, source: Path | bytes, max_memory: int | None = None, reader: Reader | None = None) -> Texels:
     """Read an image file, or the bytes of one.
 
@@ -57,39 +117,30 @@ def read_texels(name: str, source: Path | bytes, max_memory: int | None = None, 
     machine has unless given. `reader`: one to be used for several files. Raises :class:`InputError` with one line if
     the file is missing, damaged, too large or not an image.
     """
-    most = default_memory() if max_memory is None else max_memory
+    with as_file(source) as path, nullcontext(reader) if reader is not None else Reader() as process:
+        return look_at(name, path, process, max_memory).texels(process)
+
+
+@contextmanager
+def as_file(source: Path | bytes) -> Iterator[Path]:
+    """A file, or a temporary one with these bytes."""
+    if not isinstance(source, bytes):
+        yield source
+        return
     with tempfile.TemporaryDirectory(prefix="stratalux-") as folder:
-        if isinstance(source, bytes):
-            path = Path(folder) / "texture"
-            path.write_bytes(source)
-        else:
-            path = source
-        try:
-            with on_one_line(path, name), nullcontext(reader) if reader is not None else Reader() as process:
-                return _read(path, name, most, process)
-        except InputError as error:
-            raise InputError(str(error).replace(str(path), name)) from None
+        path = Path(folder) / "texture"
+        path.write_bytes(source)
+        yield path
 
 
-def _read(path: Path, name: str, most: int, reader: Reader) -> Texels:
-    parts = reader.parts(path)
-    if not parts:
-        raise InputError(f"{name}: no image in it")
-    part = parts[0]
-    x, y, width, height = part["data"]
-    if min(width, height) < 1 or part["depth"] > 1 or part["deep"]:
-        raise InputError(f"{name}: {width}x{height}x{part['depth']} is no size of an image")
-    check_size(path, part, (width, height), most)
-    channels = _order(part["channels"])
-    pixels: NDArray[Any] = reader.pixels(path, part, 0, channels, (x, x + width), (y, y + height))
-    kind = part["types"][channels[0]]
-    whole = kind in WHOLE
-    if whole:
-        pixels = codes(pixels, kind)
-    elif not np.isfinite(pixels).all():
-        raise InputError(f"{name}: a texel is not a finite number; repair the image")
-    space = str(part["attributes"].get("oiio:ColorSpace", "")).lower()
-    return Texels(pixels, whole and not space.startswith(("lin", "raw", "data")))
+@contextmanager
+def _called(name: str, path: Path) -> Iterator[None]:
+    """Whatever goes wrong with a file is an :class:`InputError` of one line that calls it by its `name`."""
+    try:
+        with on_one_line(path, name):
+            yield
+    except InputError as error:
+        raise InputError(str(error).replace(str(path), name)) from None
 
 
 def _order(names: list[str]) -> list[int]:

@@ -43,11 +43,18 @@ def assembled(
     parts: dict[str, Any] = {}
     with Bitmaps(path, max_memory) as bitmaps:
         looks = looks_of(bitmaps)
+        if material is None:
+            looks.share(
+                (shape.material, _sets(shape.mesh, shape.material), "colour" in shape.mesh.attributes)
+                for shape in found.shapes
+                if shape.material is not None
+            )
         plain = mi.load_dict(material_by_name(material or CLAY))
         for shape in found.shapes:
             look = shape.material if material is None else None
             for part in _parts(shape, look, looks, plain):
                 parts[f"object{len(parts)}"] = part
+        looks.finish()
         if looks.left_out:
             _warn(path, f"not shown as it is: {'; '.join(sorted(looks.left_out))}")
     grouped = {name: part for name, part in parts.items() if isinstance(part, dict) and part["type"] == "instance"}
@@ -69,6 +76,13 @@ def _parts(shape: Shape, material: Material | None, looks: Looks, plain: Any) ->
     bent = material is not None and material.normal is not None and bool(sets)
     made: list[Any] = []
 
+    def meshed(mesh: TriangleMesh, bsdf: Any, name: str, emitter: Any = None) -> mi.Mesh:
+        """The mesh with its BSDF, which may have to know of it."""
+        shown = to_mitsuba(mesh, bsdf, name, sets, emitter)
+        if material is not None:
+            looks.stands(shown, material, sets, colours)
+        return shown
+
     def look(mesh: TriangleMesh) -> list[tuple[TriangleMesh, Any]]:
         """The mesh, or its halves, with their BSDFs."""
         if material is None:
@@ -85,7 +99,7 @@ def _parts(shape: Shape, material: Material | None, looks: Looks, plain: Any) ->
     if emitter is None and (len(proper) - 1) * len(shape.mesh.faces) > _WORTH_AN_INSTANCE:
         group: dict[str, Any] = {"type": "shapegroup"}
         for number, (mesh, bsdf) in enumerate(look(shape.mesh)):
-            group[f"mesh{number}"] = to_mitsuba(mesh, bsdf, f"mesh{number}", sets)
+            group[f"mesh{number}"] = meshed(mesh, bsdf, f"mesh{number}")
         for place in proper:
             made.append({"type": "instance", "group": group, "to_world": mi.ScalarTransform4f(place)})
         rest = [place for place in shape.places if np.linalg.det(place[:3, :3]) <= 0]
@@ -93,7 +107,7 @@ def _parts(shape: Shape, material: Material | None, looks: Looks, plain: Any) ->
         rest = list(shape.places)
     for place in rest:
         for mesh, bsdf in look(shape.mesh.transformed(place)):
-            made.append(to_mitsuba(mesh, bsdf, shape.name or "object", sets, emitter))
+            made.append(meshed(mesh, bsdf, shape.name or "object", emitter))
     return made
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from ..errors import InputError, SceneWarning
 from ..images.colour import decode
 from ..images.reader import Reader
 from ..images.texels import Texels, read_texels
+from .album import Album
 from .model import Picture, Texture, Value
 from .textures import elsewhere
 
@@ -35,6 +36,7 @@ class Bitmaps:
         self._texels: dict[int, Texels | None] = {}
         self._made: dict[Any, Any] = {}
         self._pictures: list[Picture] = []  # so that no other gets the identity of one
+        self._album: Album | None = None
 
     def __enter__(self) -> Bitmaps:
         return self
@@ -42,6 +44,13 @@ class Bitmaps:
     def __exit__(self, *_: object) -> None:
         self._reader.close()
         self._texels.clear()
+
+    def album(self, pictures: Sequence[Picture]) -> Album:
+        """An array of those of the pictures that have 8 bits; it is made once, and from then on these are there."""
+        assert self._album is None
+        self._album = Album(pictures, self._path, self._max_memory, self._warn)
+        self._pictures += pictures
+        return self._album
 
     def colour(self, value: Value, sets: Mapping[int, str | None], largest: float | None = 1.0) -> Any:
         """A colour as what a plugin takes for one. `sets`: the mesh attribute of each set of coordinates, None for the
@@ -137,6 +146,11 @@ class Bitmaps:
 
     def _read(self, picture: Picture) -> Texels | None:
         key = id(picture)
+        if self._album is not None:
+            if key in self._album.lost:
+                return None
+            if (kept := self._album.read(picture)) is not None:
+                return kept
         if key not in self._texels:
             while len(self._texels) >= _KEPT:
                 self._texels.pop(next(iter(self._texels)))

@@ -7,9 +7,10 @@ section 3.9 and appendix B, and its extensions KHR_materials_*; Burley, "Physica
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,9 @@ from ..images.colour import LUMINANCE
 from .bitmaps import Bitmaps
 from .lambert import lambertian
 from .model import Material, Texture, Value
+from .sharing import Members, bent, has_images, pictures, structure
 from .textures import at_least, product
+from .varied import Tables
 
 Sets = Mapping[int, str | None]
 """By the numbers of sets of texture coordinates, the attribute of the mesh that has them; None for its own."""
@@ -39,6 +42,46 @@ class Looks:
         self._bitmaps = bitmaps
         self._made: dict[Any, Any] = {}
         self._kept: list[Material] = []  # so that no other gets the identity of one
+        self._shared: dict[Hashable, Members] = {}
+        self._members: Members | None = None
+        self._numbers: dict[int, tuple[Any, int]] = {}
+
+    def share(self, uses: Iterable[tuple[Material, Sets, bool]]) -> None:
+        """Make one BSDF of those that differ in numbers and images alone, of all the materials that there will be.
+
+        `uses`: the arguments of :meth:`bsdf` of all of them. Afterwards, :meth:`stands` has to be told of each mesh,
+        and in the end, :meth:`finish` makes the textures.
+        """
+        alike: dict[Hashable, dict[int, Material]] = {}
+        sets_of: dict[Hashable, Sets] = {}
+        for material, sets, colours in uses:
+            key = structure(material, sets, colours and material.vertex_colours)
+            if key is not None:
+                alike.setdefault(key, {})[id(material)] = material
+                sets_of[key] = sets
+        alike = {key: materials for key, materials in alike.items() if any(map(has_images, materials.values()))}
+        album = self._bitmaps.album(pictures(material for each in alike.values() for material in each.values()))
+        for key, materials in alike.items():
+            there = [each for each in materials.values() if all(map(album.place, pictures([each])))]
+            if there:
+                self._shared[key] = Members(there, sets_of[key], album, sum(map(len, self._shared.values())))
+
+    def stands(self, mesh: mi.Shape, material: Material, sets: Sets, colours: bool) -> None:
+        """Know that a mesh has been given the BSDF of a material."""
+        members = self._members_of(material, sets, colours)
+        if members is not None:
+            self._numbers[id(mesh)] = mesh, members.number(material)
+
+    def finish(self) -> None:
+        """Give the BSDFs that are shared what they look up by the mesh that they are on."""
+        if self._numbers:
+            meshes, numbers = zip(*self._numbers.values(), strict=True)
+            identities = dr.reinterpret_array(mi.UInt32, mi.ShapePtr(list(meshes))).numpy()
+            table = np.zeros(identities.max() + 1, dtype=np.uint32)
+            table[identities] = numbers
+            on_device, count, tables = mi.UInt32(table), sum(map(len, self._shared.values())), Tables()
+            for members in self._shared.values():
+                members.fill(on_device, count, tables)
 
     def bsdf(self, material: Material, sets: Sets, colours: bool, mirrored: bool) -> Any:
         """The BSDF of a material on a mesh with these `sets` of coordinates.
@@ -47,12 +90,29 @@ class Looks:
         seen from outside, so that maps of normals are upside down.
         """
         coloured = colours and material.vertex_colours
-        key = (id(material), tuple(sorted(sets.items())), coloured, mirrored and material.normal is not None)
+        members = self._members_of(material, sets, colours)
+        key = (id(members or material), tuple(sorted(sets.items())), coloured, mirrored and material.normal is not None)
         if key not in self._made:
             self._kept.append(material)
+            self._members = members
             made = self._bsdf(material, sets, coloured, mirrored)
+            self._members = None
             self._made[key] = mi.load_dict(made) if isinstance(made, dict) else made
         return self._made[key]
+
+    def _members_of(self, material: Material, sets: Sets, colours: bool) -> Members | None:
+        """Those that have one BSDF with a material, or None."""
+        if not self._shared:
+            return None
+        members = self._shared.get(structure(material, sets, colours and material.vertex_colours))
+        return members if members is not None and material in members else None
+
+    # ------------------------------- Values -------------------------------
+
+    def _number(self, material: Material, name: str, sets: Sets) -> Any:
+        """A number that a material has, as what a plugin takes for one."""
+        shared = None if self._members is None else self._members.texture(name)
+        return self._bitmaps.number(getattr(material, name), sets) if shared is None else shared
 
     def emitter(self, material: Material, sets: Sets, colours: bool) -> dict[str, Any] | None:
         """The light that a surface gives off by itself, or None."""
@@ -90,7 +150,7 @@ class Looks:
         """Under a mask, where the material has holes."""
         if material.alpha_mode == "opaque":
             return bsdf
-        opacity = self._bitmaps.number(material.alpha, sets)
+        opacity = self._number(material, "alpha", sets)
         if colours:
             opacity = _times(opacity, {"type": "mesh_attribute", "name": "vertex_alpha"})
         elif isinstance(opacity, float):
@@ -120,6 +180,8 @@ class Looks:
         texture = value.texture
         if texture is None or texture.uv_set not in sets:
             return None
+        if self._members is not None:
+            return self._members.texture("normal", lambda each: bent(each, mirrored, side), clipped=False)
         texels = self._bitmaps.raw(texture)
         if texels is None:
             return None
@@ -134,7 +196,8 @@ class Looks:
     # ------------------------------- The surface itself -------------------------------
 
     def _base(self, material: Material, sets: Sets, colours: bool) -> Any:
-        base = self._bitmaps.colour(material.base_colour, sets)
+        shared = None if self._members is None else self._members.texture("base_colour")
+        base = self._bitmaps.colour(material.base_colour, sets) if shared is None else shared
         return _times(base, {"type": "mesh_attribute", "name": "vertex_colour"}) if colours else base
 
     def _surface(self, material: Material, sets: Sets, colours: bool) -> dict[str, Any]:
@@ -143,12 +206,12 @@ class Looks:
         bsdf: dict[str, Any] = {
             "type": "principled",
             "base_color": self._base(material, sets, colours),
-            "roughness": self._bitmaps.number(material.roughness, sets),
-            "metallic": self._bitmaps.number(material.metallic, sets),
+            "roughness": self._number(material, "roughness", sets),
+            "metallic": self._number(material, "metallic", sets),
             "eta": self._eta(material),
         }
         if _is_some(material.clearcoat):
-            bsdf["clearcoat"] = self._bitmaps.number(material.clearcoat, sets)
+            bsdf["clearcoat"] = self._number(material, "clearcoat", sets)
             alpha = float(np.clip(self._bitmaps.mean(material.clearcoat_roughness) ** 2, *_COAT_ALPHA))
             bsdf["clearcoat_gloss"] = (_COAT_ALPHA[1] - alpha) / (_COAT_ALPHA[1] - _COAT_ALPHA[0])
             if material.clearcoat_roughness.texture is not None:

@@ -53,6 +53,8 @@ class TriangleMesh:
         """The mesh under an affine (4, 4) `matrix`; one that mirrors also reverses the winding."""
         matrix = np.asarray(matrix, dtype=np.float64)
         linear = matrix[:3, :3]
+        if np.array_equal(linear, np.eye(3)):
+            return replace(self, vertices=(self.vertices + matrix[:3, 3]).astype(np.float32))
         normals = self.normals
         if normals is not None:
             # Normals go with the inverse transpose: they still point outwards under a reflection.

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from ..errors import InputError, SceneWarning
 from .formats import READERS, read_model
 from .mesh import TriangleMesh, smooth_shaded
-from .model import Camera, Floats, Light, Material, Model, Part
+from .model import Camera, Floats, Indices, Light, Material, Model, Part
 from .normals import CREASE_DEGREES, cross, unit
 
 FORMATS = tuple(READERS)
@@ -22,6 +22,8 @@ FORMATS = tuple(READERS)
 FAR = 8.0
 """An object whose centre is as many diagonals away from the origin is moved there: single precision would spoil it."""
 
+_BLOCK = 1 << 15
+"""Faces that are looked at together."""
 _FLAT_DEGREES = 0.01
 """Faces that bend less may share their vertices, though all are flat: nobody sees it."""
 
@@ -167,6 +169,8 @@ def _centred(path: Path, model: Model, shapes: list[Shape], turn: Floats) -> Obj
 
 def _box(mesh: TriangleMesh, place: Floats) -> Floats:
     """The bounding box (2, 3) of a mesh at a place."""
+    if _is_one(place[:3, :3]):
+        return mesh.bounds.astype(np.float64) + place[:3, 3]
     points = _at(mesh.vertices, place)
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
@@ -182,15 +186,15 @@ def _mesh(path: Path, part: Part, linear: Floats) -> tuple[TriangleMesh | None, 
     file that are not usable.
     """
     with np.errstate(all="ignore"):
-        vertices = part.vertices @ linear.T
-        points = vertices[part.faces]
-        faces = part.faces[np.any(cross(points) != 0, axis=1)]
-    if not np.isfinite(points).all():
-        raise InputError(f"{path}: a vertex is not a finite float32 number; repair the mesh")
+        vertices = part.vertices if _is_one(linear) else part.vertices @ linear.T
+        finite = np.isfinite(vertices).all(axis=1)
+        if not finite.all() and not finite[part.faces].all():
+            raise InputError(f"{path}: a vertex is not a finite float32 number; repair the mesh")
+        real = _have_area(vertices, part.faces)
+    faces = part.faces if real.all() else part.faces[real]
     if not len(faces):
         return None, np.zeros(3), 0
-    used, index = np.unique(faces, return_inverse=True)
-    triangles: npt.NDArray[np.uint32] = index.reshape(-1, 3).astype(np.uint32)
+    used, triangles = _in_use(faces, len(vertices))
     if np.linalg.det(linear) < 0:
         triangles = triangles[:, ::-1]
     vertices = vertices[used]
@@ -206,12 +210,38 @@ def _mesh(path: Path, part: Part, linear: Floats) -> tuple[TriangleMesh | None, 
     # Normals go with the inverse transpose.
     with np.errstate(all="ignore"):
         normals = unit(part.normals[used] @ np.linalg.pinv(linear))
-        usable = np.all(np.abs(np.linalg.norm(normals, axis=1) - 1)[triangles] < 1e-3, axis=1)
+        good = np.abs(np.linalg.norm(normals, axis=1) - 1) < 1e-3
+    if good.all():
+        return replace(mesh, normals=normals.astype(np.float32)), centre, 0
+    usable = good[triangles].all(axis=1)
     given = np.any(~np.isnan(part.normals[used].sum(axis=1))[triangles], axis=1)
     return _shaded(mesh, normals.astype(np.float32), usable), centre, int(np.sum(given & ~usable))
 
 
-def _attributes(path: Path, part: Part, used: npt.NDArray[Any]) -> dict[str, npt.NDArray[np.float32]]:
+def _have_area(vertices: Floats, faces: Indices) -> npt.NDArray[np.bool_]:
+    """Which faces (F,) have an area. In blocks, which stay in the cache."""
+    kept = np.empty(len(faces), dtype=np.bool_)
+    for start in range(0, len(faces), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        kept[block] = np.any(cross(vertices[faces[block]]) != 0, axis=1)
+    return kept
+
+
+def _in_use(faces: Indices, count: int) -> tuple[Any, npt.NDArray[np.uint32]]:
+    """Which of `count` vertices have a face, as an index, and the faces (F, 3) by their places among these."""
+    there = np.zeros(count, dtype=np.bool_)
+    there[faces] = True
+    if there.all():
+        return slice(None), faces.astype(np.uint32)
+    places: npt.NDArray[np.uint32] = np.cumsum(there, dtype=np.uint32) - np.uint32(1)
+    return np.flatnonzero(there), places[faces]
+
+
+def _is_one(linear: Floats) -> bool:
+    return bool(np.array_equal(linear, np.eye(3)))
+
+
+def _attributes(path: Path, part: Part, used: Any) -> dict[str, npt.NDArray[np.float32]]:
     """What there is of the vertices that are `used` besides their places; numbers that are none are 0, with a word."""
     found = {f"uv{number or ''}": uv for number, uv in part.uvs.items()}
     if part.colours is not None:

@@ -39,7 +39,7 @@ def test_parts_add_up(name: str, rays: tuple[int, int, int] | None) -> None:
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(0, LANES)
     si = _surface(sampler)
-    shares = light.allocation.of(bsdf, mi.UInt32(0), mi.Bool(True))
+    shares = light.allocation.of(mi.ShapePtr(ball), bsdf, mi.UInt32(0), mi.Bool(True))
     if rays is not None and name != "diffuse":
         shares = *map(mi.UInt32, rays), shares[3]
     balance = Balance(light.allocation, light, si, bsdf, shares, mi.Bool(True))

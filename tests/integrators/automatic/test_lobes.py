@@ -55,7 +55,7 @@ def test_rows_follow_the_concentration(bsdf: dict[str, Any], row: int) -> None:
     from stratalux.integrators.automatic.lobes import ROWS, Allocation, _rows
 
     lit = scene({"type": "diffuse"}, bsdf, {"type": "diffuse", "reflectance": 0.2})
-    _, rows = _rows(lit, None)
+    _, rows = _rows(lit)
     at = [shape.class_name() for shape in lit.shapes()].index("Cube")
     found = rows.numpy().tolist()
     assert found.pop(at) == row and found == [0, 0]
@@ -63,7 +63,9 @@ def test_rows_follow_the_concentration(bsdf: dict[str, Any], row: int) -> None:
     assert allocation.any_bsdf_samples == (ROWS[row].lobe > 0) and allocation.any_matte
     alone = Allocation(scene(bsdf), mi.load_dict({"type": "direct_stratified"}).prepare(lit))
     assert alone.any_matte == ROWS[row].matte
-    N, K, M, matte = allocation.of(mi.BSDFPtr(lit.shapes()[at].bsdf()), mi.UInt32(0), mi.Bool(True))
+    N, K, M, matte = allocation.of(
+        mi.ShapePtr(lit.shapes()[at]), mi.BSDFPtr(lit.shapes()[at].bsdf()), mi.UInt32(0), mi.Bool(True)
+    )
     # All light there is comes evenly from all sides: only beside some light samples do the lobes' bring unlike shares.
     most = 8 if row > 1 else 16
     assert [int(x[0]) for x in (N, K, M)] == [min(ROWS[row].light, most), ROWS[row].lobe, 2 if row == 2 else 1]
@@ -76,7 +78,33 @@ def test_scenes_of_one_shape_or_none(count: int, rows: list[int]) -> None:
 
     ball = {"ball": {"type": "sphere", "bsdf": {**CONDUCTOR, "alpha": 0.14}}}
     lit = mi.load_dict({"type": "scene", "sky": scene_dict()["sky"], **(ball if count else {})})
-    assert _rows(lit, None)[1].numpy().tolist() == rows
+    assert _rows(lit)[1].numpy().tolist() == rows
+
+
+def test_a_bsdf_on_several_shapes_has_a_row_on_each() -> None:
+    """Its roughness is an attribute of the mesh; and what is told to be matte is, on whatever shape."""
+    from stratalux.integrators.automatic.lobes import ROWS, Allocation
+
+    bsdf = mi.load_dict({**CONDUCTOR, "alpha": {"type": "mesh_attribute", "name": "vertex_alpha"}})
+    meshes = {}
+    for number, alpha in enumerate((0.05, 0.3)):
+        mesh = mi.Mesh(f"mesh{number}", 3, 1)
+        params = mi.traverse(mesh)
+        params["vertex_positions"] = [0.0, 0, number, 1, 0, number, 0, 1, number]
+        params["faces"] = [0, 1, 2]
+        params.update()
+        mesh.add_attribute("vertex_alpha", 1, [alpha] * 3)
+        mesh.set_bsdf(bsdf)
+        meshes[f"mesh{number}"] = mesh
+    lit = mi.load_dict({"type": "scene", "sky": scene_dict()["sky"], **meshes})
+    white = mi.load_dict({"type": "diffuse"})
+    allocation = Allocation(lit, mi.load_dict({"type": "direct_stratified"}).prepare(lit), white)
+    for number, row in enumerate((ROWS[4], ROWS[2])):
+        shape = mi.ShapePtr(meshes[f"mesh{number}"])
+        N, K, _, matte = allocation.of(shape, mi.BSDFPtr(bsdf), mi.UInt32(0), mi.Bool(True))
+        assert (int(N[0]), int(K[0]), bool(matte[0])) == (min(row.light, 8), row.lobe, False)
+        _, K, _, matte = allocation.of(shape, mi.BSDFPtr(white), mi.UInt32(0), mi.Bool(True))
+        assert (int(K[0]), bool(matte[0])) == (0, True)
 
 
 def test_what_is_not_known_counts_as_both_matte_and_glossy() -> None:
@@ -84,8 +112,8 @@ def test_what_is_not_known_counts_as_both_matte_and_glossy() -> None:
 
     lit = scene({"type": "diffuse"})
     allocation = Allocation(lit, mi.load_dict({"type": "direct_stratified"}).prepare(lit))
-    stranger = mi.load_dict({"type": "diffuse"})
-    N, K, M, matte = allocation.of(mi.BSDFPtr(stranger), mi.UInt32(0), mi.Bool(True))
+    stranger = mi.load_dict({"type": "sphere"})
+    N, K, M, matte = allocation.of(mi.ShapePtr(stranger), mi.BSDFPtr(stranger.bsdf()), mi.UInt32(0), mi.Bool(True))
     assert (int(N[0]), int(K[0]), int(M[0]), bool(matte[0])) == (ROWS[1].light, ROWS[1].lobe, 1, True)
     group = {"type": "shapegroup", "ball": {"type": "sphere"}}
     instance = {"type": "instance", "group": {"type": "ref", "id": "group"}}
@@ -127,10 +155,10 @@ def test_tests_are_shared_out_among_shapes() -> None:
     from stratalux.integrators.automatic.lobes import _tests
 
     lit = scene({"type": "diffuse"}, {"type": "diffuse"}, {"type": "diffuse", "reflectance": 0.2})
-    shape, bsdf, sampler = _tests(lit, 0)
+    shape, tested, sampler = _tests(lit, 0)
     counts = np.bincount(shape.numpy())
     assert len(counts) == 3 and (counts == 16384 // 3).all() and sampler.wavefront_size() == counts.sum()
-    assert dr.all(bsdf == dr.gather(mi.ShapePtr, lit.shapes_dr(), shape).bsdf())
+    assert dr.all(tested == dr.gather(mi.ShapePtr, lit.shapes_dr(), shape))
 
 
 @pytest.mark.parametrize(("N", "K"), [(0, 1), (0, 4), (2, 4)])

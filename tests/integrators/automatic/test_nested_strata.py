@@ -134,7 +134,7 @@ def test_derivatives_are_those_of_the_same_estimate(material: str) -> None:
     from stratalux.integrators.light_samples import FreshLight
 
     scene, light, si, bsdf = shaded(material, "Sphere")
-    _, _, M, _ = light.allocation.of(bsdf, mi.UInt32(0), mi.Bool(True))
+    _, _, M, _ = light.allocation.of(si.shape, bsdf, mi.UInt32(0), mi.Bool(True))
     assert (M.numpy() == 1).all()
     index = dr.arange(mi.UInt32, dr.width(si.p)) % 8
     points = PixelPoints(index, mi.UInt32(5))
@@ -156,7 +156,7 @@ def test_samples_of_lobes_bring_their_part(material: str) -> None:
     from stratalux.sampling.points import mix
 
     _, light, si, bsdf = shaded(material, "Sphere")
-    shares = light.allocation.of(bsdf, mi.UInt32(0), mi.Bool(True))
+    shares = light.allocation.of(si.shape, bsdf, mi.UInt32(0), mi.Bool(True))
     balance = Balance(light.allocation, light, si, bsdf, shares, mi.Bool(True))
     point = mix(dr.arange(mi.UInt32, dr.width(si.p)))
     d, g, found = NestedStrata._lobe_sample(light, balance, si, bsdf, point, mi.UInt32(3), mi.Bool(True))

@@ -58,19 +58,21 @@ on what has no matte part."""
 MOST_RAYS = max(row.light + row.lobe for row in ROWS)
 _MATTE, _BOTH, _GLOSSY = 0, 1, 2
 _UNKNOWN = _BOTH
-"""The row of BSDFs that are not seen in the list of shapes, as those of instances."""
+"""The row of shapes that are not in the list of the scene, as those of instances."""
 
 
 class Allocation:
-    """For every BSDF of a scene: the rays for light samples N and for BSDF samples K, and proposals M for each ray.
+    """For every shape of a scene: the rays for light samples N and for BSDF samples K, and proposals M for each ray.
 
     The concentration of a BSDF is the geometric mean of the pdf of its glossy lobes over directions drawn from them,
     for light from all sides: the reciprocal of about the solid angle that they fill. M follows from how much the map
-    varies inside the lobes. Both are measured, so any BSDF and any map have them. ``matte``: one that is no shape's.
+    varies inside the lobes. Both are measured, so any BSDF and any map have them. It is the shape that tells, since a
+    BSDF can look different on each of several. ``matte``: a BSDF that is no shape's, whatever shape it is put on.
     """
 
     def __init__(self, scene: mi.Scene, light: MapLight[LeafSampler], matte: mi.BSDF | None = None) -> None:
-        self._identities, rows = _rows(scene, matte)
+        self._identities, rows = _rows(scene)
+        self._matte = matte
         used = set(rows.numpy().tolist()) | ({_UNKNOWN} if _has_instances(scene) else set())
         used |= {_MATTE} if matte is not None else set()
         self.any_bsdf_samples = any(ROWS[row].lobe for row in used)
@@ -96,53 +98,55 @@ class Allocation:
         return N | K << 8 | M << 16 | row.matte << 31
 
     def of(
-        self, bsdf: mi.BSDFPtr, detailed: mi.UInt32, active: mi.Bool
+        self, shape: mi.ShapePtr, bsdf: mi.BSDFPtr, detailed: mi.UInt32, active: mi.Bool
     ) -> tuple[mi.UInt32, mi.UInt32, mi.UInt32, mi.Bool]:
         """N, K, M, and whether there is something besides gloss, at each lane.
 
         ``detailed``: 1 in pixels that are, or 0.
         """
-        identity = dr.reinterpret_array(mi.UInt32, bsdf)
+        identity = dr.reinterpret_array(mi.UInt32, shape)
         known = active & (identity < dr.width(self._identities))
         row = dr.select(known, dr.gather(mi.UInt32, self._identities, identity, known), _UNKNOWN)
+        if self._matte is not None:
+            row = dr.select(bsdf == mi.BSDFPtr(self._matte), _MATTE, row)
         shares = dr.gather(mi.UInt32, self._table, row + detailed * len(ROWS), active)
         return shares & 0xFF, shares >> 8 & 0xFF, shares >> 16 & 0xFF, shares >> 31 != 0
 
 
-def concentration(bsdf: mi.BSDFPtr, sampler: mi.Sampler) -> mi.Float:
+def concentration(bsdf: mi.BSDFPtr, sampler: mi.Sampler, shape: mi.ShapePtr | None = None) -> mi.Float:
     """Logarithm of the pdf of one direction drawn from the glossy lobes; NaN where none could be drawn."""
-    bs, _, drawn = _draw(bsdf, _surface(sampler), sampler)
+    bs, _, drawn = _draw(bsdf, _surface(sampler, shape), sampler)
     return dr.select(drawn, dr.log(bs.pdf), dr.nan)
 
 
-def _rows(scene: mi.Scene, matte: mi.BSDF | None) -> tuple[mi.UInt32, mi.UInt32]:
-    """The row of each BSDF, by the identity that Dr.Jit gives it, and that of each shape."""
+def _rows(scene: mi.Scene) -> tuple[mi.UInt32, mi.UInt32]:
+    """The row of each shape, by the identity that Dr.Jit gives it, and by its place in the scene's list."""
     count = len(scene.shapes())
     if count == 0:
         return mi.UInt32(_UNKNOWN), mi.UInt32()
-    shape, bsdf, sampler = _tests(scene, 0)
-    value = dr.exp(_means(concentration(bsdf, sampler), shape, count))
-    bsdfs = dr.gather(mi.ShapePtr, scene.shapes_dr(), dr.arange(mi.UInt32, count)).bsdf()
+    shape, tested, sampler = _tests(scene, 0)
+    value = dr.exp(_means(concentration(tested.bsdf(), sampler, tested), shape, count))
+    shapes = dr.gather(mi.ShapePtr, scene.shapes_dr(), dr.arange(mi.UInt32, count))
     glossy = mi.UInt32(_GLOSSY)
     for limit in ROWS[_GLOSSY:-1]:
         glossy += mi.UInt32(dr.select(value > limit.concentration, 1, 0))
-    row = dr.select(mi.has_flag(bsdfs.flags(), mi.BSDFFlags.Diffuse), _BOTH, glossy)
+    row = dr.select(mi.has_flag(shapes.bsdf().flags(), mi.BSDFFlags.Diffuse), _BOTH, glossy)
     row = dr.select(value > ROWS[0].concentration, row, 0)  # of those that have no glossy lobes, too
     dr.eval(row)
-    if matte is None:
-        return by_identity(bsdfs, row, _UNKNOWN), row
-    return by_identity(bsdfs, row, _UNKNOWN, (mi.BSDFPtr(matte), _MATTE)), row
+    return by_identity(shapes, row, _UNKNOWN), row
 
 
 def _spreads(scene: mi.Scene, light: MapLight[LeafSampler], rows: mi.UInt32) -> list[float]:
     """Mean :func:`spread` for each of :data:`ROWS`, NaN where there is none; ``rows``: that of each shape."""
-    shape, bsdf, sampler = _tests(scene, 1)
+    shape, tested, sampler = _tests(scene, 1)
     row = dr.gather(mi.UInt32, rows, shape)
     N, K = (
         dr.gather(mi.Float, mi.Float(numbers), row)
         for numbers in ([row.light for row in ROWS], [row.lobe for row in ROWS])
     )
-    return [float(value) for value in _means(spread(light, bsdf, N, K, sampler), row, len(ROWS)).numpy()]
+    return [
+        float(value) for value in _means(spread(light, tested.bsdf(), N, K, sampler, tested), row, len(ROWS)).numpy()
+    ]
 
 
 def _power_of_two(ratio: float, most: int) -> int:
@@ -150,14 +154,14 @@ def _power_of_two(ratio: float, most: int) -> int:
     return 1 << round(math.log2(min(max(ratio, 1), most))) if math.isfinite(ratio) else 1
 
 
-def _tests(scene: mi.Scene, seed: int) -> tuple[mi.UInt32, mi.BSDFPtr, mi.Sampler]:
-    """The shape and the BSDF of each test direction, and random numbers for them."""
+def _tests(scene: mi.Scene, seed: int) -> tuple[mi.UInt32, mi.ShapePtr, mi.Sampler]:
+    """The number of the shape of each test direction, that shape, and random numbers for them."""
     each = max(_DIRECTIONS, _LANES // len(scene.shapes()))
     count = len(scene.shapes()) * each
     shape = dr.arange(mi.UInt32, count) // each
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed, count)
-    return shape, dr.gather(mi.ShapePtr, scene.shapes_dr(), shape).bsdf(), sampler
+    return shape, dr.gather(mi.ShapePtr, scene.shapes_dr(), shape), sampler
 
 
 def _means(values: mi.Float, group: mi.UInt32, count: int) -> mi.Float:
@@ -170,12 +174,19 @@ def _means(values: mi.Float, group: mi.UInt32, count: int) -> mi.Float:
 
 
 @dr.syntax
-def spread(light: MapLight[LeafSampler], bsdf: mi.BSDFPtr, N: mi.Float, K: mi.Float, sampler: mi.Sampler) -> mi.Float:
+def spread(
+    light: MapLight[LeafSampler],
+    bsdf: mi.BSDFPtr,
+    N: mi.Float,
+    K: mi.Float,
+    sampler: mi.Sampler,
+    shape: mi.ShapePtr | None = None,
+) -> mi.Float:
     """Variance of what BSDF samples bring that stand beside N light samples, K in all, at a random surface.
 
     It is relative to the square of their mean, or of :data:`DIM` of the map's if that is more. No shadows.
     """
-    si = _surface(sampler)
+    si = _surface(sampler, shape)
     energy = light.tables.total * light.scale
     total, squares = mi.Float(0), mi.Float(0)
     k = mi.UInt32(0)
@@ -202,8 +213,8 @@ def _draw(
     return bs, weight, found & dr.isfinite(bs.pdf)
 
 
-def _surface(sampler: mi.Sampler) -> mi.SurfaceInteraction3f:
-    """Somewhere on a surface of any orientation, seen from anywhere in front of it."""
+def _surface(sampler: mi.Sampler, shape: mi.ShapePtr | None = None) -> mi.SurfaceInteraction3f:
+    """Somewhere on a surface of any orientation, of that `shape`, seen from anywhere in front of it."""
     si = dr.zeros(mi.SurfaceInteraction3f, sampler.wavefront_size())
     n = mi.warp.square_to_uniform_sphere(sampler.next_2d())
     si.t = 1
@@ -211,6 +222,8 @@ def _surface(sampler: mi.Sampler) -> mi.SurfaceInteraction3f:
     si.n = n
     si.wi = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
     si.uv = sampler.next_2d()
+    if shape is not None:
+        si.shape = shape
     if mi.is_spectral:
         si.wavelengths = mi.Spectrum(550)
     return si

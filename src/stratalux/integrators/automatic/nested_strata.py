@@ -146,7 +146,7 @@ class NestedStrata:
         active: mi.Bool,
     ) -> mi.Spectrum:
         """Direct light of the environment map at ``si`` from smooth lobes."""
-        N, K, M, matte = self.allocation.of(bsdf, self.points.detailed, active)
+        N, K, M, matte = self.allocation.of(si.shape, bsdf, self.points.detailed, active)
         balance = Balance(self.allocation, light, si, bsdf, (N, K, M, matte), active)
         L_o = mi.Spectrum(0)
         variate = self.variate
@@ -206,7 +206,7 @@ class NestedStrata:
         active: mi.Bool,
     ) -> mi.Spectrum:
         """The same with a ray for every sample: which one survives would follow from what is differentiated."""
-        N, K, _, matte = self.allocation.of(bsdf, self.points.detailed, active)
+        N, K, _, matte = self.allocation.of(si.shape, bsdf, self.points.detailed, active)
         balance = Balance(self.allocation, light, si, bsdf, (N, K, mi.UInt32(1), matte), active)
         L_o, L_g = mi.Spectrum(0), mi.Spectrum(0)
         first = shuffle(self.points.index, mix(self.points.seed ^ _LEAVES)) * N
