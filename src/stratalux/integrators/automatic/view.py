@@ -27,7 +27,10 @@ FIRST = 8
 
 @dataclass
 class Lanes:
-    """Camera samples: ``index`` within its ``pixel``, radiance ``L``, the variate's ``difference``, and place."""
+    """Camera samples: ``index`` within its ``pixel``, radiance ``L``, the variate's ``difference``, and place.
+
+    ``cost``: of each, in any unit; None where all cost about the same.
+    """
 
     pixel: mi.UInt32
     index: mi.UInt32
@@ -35,6 +38,7 @@ class Lanes:
     difference: mi.Spectrum
     alpha: mi.Bool | mi.Float
     place: mi.Point2f
+    cost: mi.Float | None = None
 
 
 class View:
@@ -140,6 +144,7 @@ class Pilot:
         self.view, self.count, self.parts, self._shared, self._grey = view, count, parts, shared, grey
         self._images = view.film.create_block(), view.film.create_block()
         self._sums = [dr.zeros(mi.Float, 3 * parts * view.pixels) for _ in range(2)]
+        self._costs: list[mi.Float] = []
 
     def passes(self, seed: mi.UInt32, dim: float) -> Iterator[float]:
         """Launch by launch, the samples per pixel so far."""
@@ -152,10 +157,13 @@ class Pilot:
                 for c in range(3):
                     place = (c * self.parts + group) * view.pixels + lanes.pixel
                     dr.scatter_add(sums, value[c % dr.size_v(mi.Spectrum)], place)
+            if lanes.cost is not None:
+                self._costs = self._costs or [dr.zeros(mi.Float, view.pixels)]
+                dr.scatter_add(self._costs[0], lanes.cost, lanes.pixel)
             weight = dr.opaque(mi.Float, 1 / count)
             view.put(self._images[0], lanes, lanes.L, lanes.alpha, weight)
             view.put(self._images[1], lanes, lanes.difference, mi.Bool(False), weight)
-            dr.eval(*(block.tensor() for block in self._images), self._sums)
+            dr.eval(*(block.tensor() for block in self._images), self._sums, self._costs)
             yield float(last.mean())
 
     def _worth(self, lanes: Lanes) -> mi.Spectrum:
@@ -184,7 +192,8 @@ class Pilot:
         # With a wider filter, a sample counts in several pixels, so each needs later ones.
         least, footprint = (self.count, 0) if box else (2 * self.count, int(np.ceil(filter.radius() - 0.5)))
         marks = view.look.marks if view.look else ()
-        return plan_samples(pilot, difference, dim, max(budget, least), least, footprint, marks)
+        budget = max(budget, least)
+        return plan_samples(pilot, difference, dim, budget, least, footprint, marks, self._costs)
 
 
 def unsigned(numbers: NDArray[np.int64]) -> mi.UInt32:

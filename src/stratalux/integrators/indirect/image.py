@@ -12,7 +12,7 @@ import numpy as np
 from ...sampling.points import mix
 from ..automatic.nested_strata import PixelPoints
 from ..automatic.sample import AllocatedLight, AutomaticSample
-from ..automatic.view import Pilot, Pixels, View, pilot_samples
+from ..automatic.view import Pilot, Pixels, View
 from ..light_samples import FreshLight
 from ..other_emitters import OtherEmitters
 from ..sight import Sight
@@ -22,6 +22,14 @@ from .vertex import VertexLight
 
 _PARTS = 4
 """Of a pilot, whose differences tell its error."""
+
+
+def pilot_paths(spp: int, box: bool) -> int:
+    """Paths of a pilot for ``spp`` in all, a power of two: half of them, as rare events show in no smaller one.
+
+    With another filter than a ``box``, a quarter: every pixel gets as many again, see :meth:`.Pilot.plan`.
+    """
+    return max(1, (1 << (spp * 4 // 3).bit_length()) >> (2 if box else 3))
 
 
 class Indirect:
@@ -71,7 +79,7 @@ class IndirectImage:
         """
         self._launcher.begin(light)
         view = View(self._launcher, None)
-        few = pilot_samples(spp)
+        few = pilot_paths(spp, view.film.rfilter().is_box_filter())
         shared = self._launcher.light_samples(mix(~seed)) if view.at_once(spp) else None
         pilot = Pilot(view, few, min(_PARTS, few), shared, 0.0)
         for rendered in pilot.passes(seed, dim):
