@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from stratalux.sampling.points import mix, shuffle, sobol_2d, van_der_corput
+from stratalux.sampling.points import DIMENSIONS, mix, shuffle, sobol, sobol_2d, van_der_corput
 from tests.helpers import ALPHA, sidak
 
 
@@ -103,3 +103,28 @@ def test_mix_is_one_to_one_and_spreads() -> None:
     values = mix(dr.arange(mi.UInt32, 1 << 18)).numpy()
     assert len(np.unique(values)) == 1 << 18
     assert stats.chisquare(np.histogram(values, 256, (0, 2**32))[0]).pvalue > ALPHA
+
+
+def test_later_coordinates_are_those_of_the_same_sequence() -> None:
+    """Before they are scrambled, they are SciPy's, which takes the points in the order of a Gray code."""
+    from stratalux.sampling.points import _POLYNOMIALS, _columns
+
+    theirs = stats.qmc.Sobol(DIMENSIONS, scramble=False, bits=32).random(1 << 10)
+    number = np.arange(1 << 10)
+    gray = number ^ number >> 1
+    for dimension, polynomial in enumerate(_POLYNOMIALS, start=2):
+        bits = np.zeros(len(gray), dtype=np.int64)
+        for k, column in enumerate(_columns(*polynomial)):
+            bits ^= np.where(gray >> k & 1, column, 0)
+        np.testing.assert_array_equal(bits / 2.0**32, theirs[:, dimension])
+
+
+@pytest.mark.parametrize("dimension", range(2, DIMENSIONS))
+def test_later_coordinates_are_stratified_and_uniform(dimension: int) -> None:
+    for block in (0, 3, 1 << 20):
+        index = mi.UInt32(block << 8) + dr.arange(mi.UInt32, 256)
+        values = sobol(index, dimension, mi.UInt32(7)).numpy()
+        assert sorted(np.floor(values * 256)) == list(range(256))
+    values = sobol(mi.UInt32(6), dimension, seeds(1 << 16)).numpy()
+    assert values.max() < 1
+    assert stats.chisquare(np.histogram(values, 256, (0, 1))[0]).pvalue > sidak(DIMENSIONS)

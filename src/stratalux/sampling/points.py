@@ -11,6 +11,12 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
+_POLYNOMIALS = ((2, 1, (1, 3)), (3, 1, (1, 3, 1)), (3, 2, (1, 1, 1)))
+"""Degree, inner coefficients and first direction numbers of Sobol's third dimension and the next ones: Joe and Kuo
+2008, new-joe-kuo-6.21201."""
+DIMENSIONS = 2 + len(_POLYNOMIALS)
+"""Of :func:`sobol`."""
+
 
 def mix(value: mi.UInt32) -> mi.UInt32:
     """A hash of 32 bits onto 32 bits, one to one (the constants are those of Wellons' lowbias32)."""
@@ -40,6 +46,25 @@ def sobol_2d(index: mi.UInt32, seed: mi.UInt32) -> mi.Point2f:
         y = y ^ ((y & mi.UInt32(bits)) << shift)
     y = dr.brev(_scramble_reversed(dr.brev(y), mix(seed)))
     return mi.Point2f(unit_float(x), unit_float(y))
+
+
+def sobol(index: mi.UInt32, dimension: int, seed: mi.UInt32) -> mi.Float:
+    """Coordinate 2 to :data:`DIMENSIONS` − 1 of point ``index`` of Sobol's sequence, whose first two are those of
+    :func:`sobol_2d`, scrambled by a ``seed`` of its own."""
+    bits = mi.UInt32(0)
+    for k, column in enumerate(_columns(*_POLYNOMIALS[dimension - 2])):
+        bits = bits ^ dr.select((index >> k) & 1 != 0, mi.UInt32(column), mi.UInt32(0))
+    return unit_float(dr.brev(_scramble_reversed(dr.brev(bits), seed)))
+
+
+def _columns(degree: int, inner: int, first: tuple[int, ...]) -> list[int]:
+    """Of a generator matrix, most significant bit first: v_k = m_k 2^(31 − k), by the recurrence of the polynomial."""
+    m = list(first)
+    for k in range(degree, 32):
+        m.append(m[k - degree] ^ m[k - degree] << degree)
+        for i in range(1, degree):
+            m[k] ^= (inner >> (degree - 1 - i) & 1) * m[k - i] << i
+    return [value << (31 - k) for k, value in enumerate(m)]
 
 
 def unit_float(bits: mi.UInt32) -> mi.Float:

@@ -187,7 +187,7 @@ def _mesh(path: Path, part: Part, linear: Floats) -> tuple[TriangleMesh | None, 
     """
     with np.errstate(all="ignore"):
         vertices = part.vertices if _is_one(linear) else part.vertices @ linear.T
-        finite = np.isfinite(vertices).all(axis=1)
+        finite: NDArray[np.bool_] = np.isfinite(vertices).all(axis=1)
         if not finite.all() and not finite[part.faces].all():
             raise InputError(f"{path}: a vertex is not a finite float32 number; repair the mesh")
         real = _have_area(vertices, part.faces)

@@ -30,11 +30,13 @@ def plan(
     least: int,
     footprint: int = 0,
     marks: NDArray[Any] | None = None,
+    costs: NDArray[Any] | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Counts and shares (H, W) from images (P, H, W, C), and from marks (K, H, W)."""
+    """Counts and shares (H, W) from images (P, H, W, C), from marks (K, H, W), and from costs (H, W)."""
     pilot, difference = (mi.TensorXf(np.moveaxis(x, -1, 0).astype(np.float32)) for x in (images, variate))
     marked = [mi.Float(mark.ravel().astype(np.float32)) for mark in (() if marks is None else marks)]
-    plan = plan_samples(pilot, difference, dim, budget, least, footprint, marked)
+    costly = [] if costs is None else [mi.Float(costs.ravel().astype(np.float32))]
+    plan = plan_samples(pilot, difference, dim, budget, least, footprint, marked, costly)
     return plan.counts, plan.share.numpy().reshape(plan.counts.shape)
 
 
@@ -57,6 +59,14 @@ def test_samples_go_where_the_error_is() -> None:
     images[:, :, 60:] += np.random.default_rng(1).normal(size=(4, 80, 60, 3)) * 0.5
     counts = counts_of(images, 0.1, 32, 2)
     assert counts[:, 70:].mean() > 8 * counts[:, :50].mean()
+
+
+def test_dear_samples_are_fewer() -> None:
+    """Eight times as dear, half as many: the third root."""
+    images = 1 + 0.5 * np.random.default_rng(1).normal(size=(4, 160, 240, 3))
+    costs = np.where(np.arange(240) < 120, 40.0, 5.0) * np.ones((160, 1))
+    counts, _ = plan(images, np.zeros_like(images), 0.1, 32, 2, costs=costs)
+    assert counts[:, 124:].mean() / counts[:, :116].mean() == pytest.approx(2, rel=0.1)
 
 
 def test_noise_stays_on_its_side_of_a_mark() -> None:
@@ -98,7 +108,11 @@ def test_a_count_does_not_depend_on_the_samples_of_its_pixel(
     for images in after:
         images[near] = value * np.random.default_rng(seed).random(images[near].shape)
     marks = np.random.default_rng(5).random((2, 64, 40)).round() if marked else None
-    first, second = (plan(*images, 0.1, 16, 2, footprint, marks) for images in (before, after))
+    costs = [np.random.default_rng(6).uniform(1, 9, (64, 40)) for _ in range(2)]
+    costs[1][near[1:]] = 1e3
+    first, second = (
+        plan(*images, 0.1, 16, 2, footprint, marks, cost) for images, cost in zip((before, after), costs, strict=True)
+    )
     for a, b in zip(first, second, strict=True):
         assert a[y, x] == b[y, x]
 

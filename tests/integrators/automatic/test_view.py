@@ -114,7 +114,7 @@ def test_later_samples_follow_those_of_the_pilot(room: int, shared: bool, monkey
         seeds.clear()
         passes = list(some.later(first, few, counts, mi.UInt32(5), mi.Float(0), one, share))
         assert len(seeds) == len(set(seeds)) == (0 if shared else len(passes)) and (len(passes) > 1) == (room == 12)
-        numbers = [spp for _, spp in passes]
+        numbers = [spp for _, spp, _ in passes]
         assert numbers == sorted(numbers) and numbers[-1] == pytest.approx(few + counts.mean())
         kept = 1 - 0.5 * (0 if share is None else share.numpy())
         image = passes[-1][0]
@@ -137,7 +137,8 @@ def test_parts_of_a_pilot_are_means_of_their_samples(rfilter: str, monkeypatch: 
     def samples(launch: Any) -> tuple[Any, ...]:
         value = mi.Float(launch.pixel) + 10 * mi.Float(launch.index)
         place = mi.Point2f(mi.Float(launch.pixel % 3) + 0.5, mi.Float(launch.pixel // 3) + 0.5)
-        return mi.Color3f(value, 2 * value, 3 * value), mi.Color3f(-value), mi.Bool(True), place
+        taken = mi.Color3f(value, 2 * value, 3 * value), mi.Color3f(-value), mi.Bool(True), place
+        return (*taken, mi.Float(launch.pixel + launch.index)) if rfilter == "box" else taken
 
     film = mi.load_dict({"type": "hdrfilm", "width": 3, "height": 2, "rfilter": {"type": rfilter}})
     film.prepare([])
@@ -149,8 +150,9 @@ def test_parts_of_a_pilot_are_means_of_their_samples(rfilter: str, monkeypatch: 
     pilot = Pilot(some, 8, 4, None, 0.25)
     assert list(pilot.passes(mi.UInt32(0), 0.5)) == [8]
     pilot.plan(0.5, 16)
-    (values, difference, dim, budget, least, footprint, marks), pixel = seen[0], np.arange(6).reshape(2, 3)
+    (values, difference, dim, budget, least, footprint, marks, costs), pixel = seen[0], np.arange(6).reshape(2, 3)
     assert (dim, marks) == (0.5, ())
+    assert [cost.numpy().tolist() for cost in costs] == ([[28, 36, 44, 52, 60, 68]] if rfilter == "box" else [])
     # With a filter, each sample counts in several pixels, and each of these needs later ones.
     assert (budget, least, footprint) == ((16, 8, 0) if rfilter == "box" else (16, 16, 2))
     expected = pixel + 10 * (2 * np.arange(4)[:, None, None] + 0.5)  # two samples in each part

@@ -58,6 +58,7 @@ def plan_samples(
     least: int,
     footprint: int = 0,
     marks: Sequence[mi.Float] = (),
+    costs: Sequence[mi.Float] = (),
 ) -> Plan:
     """Share ``budget`` samples per pixel, on average and about, so that the sum of relative errors is least.
 
@@ -66,7 +67,8 @@ def plan_samples(
     added to the pilot. ``dim``: radiance below which errors count as if it were that bright. ``least``: samples of any
     pixel, a power of two, at most ``budget``. ``footprint``: radius in pixels of what a pixel's value depends on beyond
     its own samples (that of the reconstruction filter; 0 for a box). ``marks``: coordinates of each pixel that do not
-    depend on samples; those around that have nearly the same ones tell what it needs.
+    depend on samples; those around that have nearly the same ones tell what it needs. ``costs``: of the samples
+    of each pixel, in any unit, where they differ: where they are dear, there are fewer.
     """
     _, parts, *size = pilot.shape
     outer = _REACH + footprint
@@ -76,7 +78,8 @@ def plan_samples(
     pictures = pilot.array, difference.array
     unit = 2.0 ** round(math.log2(dim)) if dim > 0 else 1.0  # in which squares stay within single precision
     scale, dim = dr.opaque(mi.Float, 1 / unit), dr.opaque(mi.Float, dim / unit)
-    need, level, share = _needs(*pictures, list(marks), pixel, width, height, scale, dim, parts, outer, footprint)
+    given = *pictures, list(marks), list(costs), pixel, width, height, scale, dim
+    need, level, share = _needs(*given, parts, outer, footprint)
     steps = need.numpy().reshape(size).astype(np.int64)
     return Plan(_counts(steps, budget, least, outer + footprint), level * dr.opaque(mi.Float, unit), share)
 
@@ -86,6 +89,7 @@ def _needs(
     pilot: mi.Float,
     difference: mi.Float,
     marks: list[mi.Float],
+    costs: list[mi.Float],
     pixel: mi.UInt32,
     width: mi.UInt32,
     height: mi.UInt32,
@@ -115,11 +119,12 @@ def _needs(
             error, variate = ([x - sum(values) / parts for x in values] for values in (error, variate))
         for a, b in zip(error, variate, strict=True):
             products = [x + y for x, y in zip(products, (a * a, a * b, b * b), strict=True)]
-    values = [level, *products, *neighbours]
+    values = [level, *products, *costs, *neighbours]
     dr.eval(values)
 
     level, around = _around(values, marks, pixel, width, height, outer, inner)
     mean, variance, covariance, squares, *neighbours = around
+    cost = neighbours.pop(0) if costs else mi.Float(1)
     for error, variate in zip(neighbours[::2], neighbours[1::2], strict=True):
         variance -= error * error
         covariance -= error * variate
@@ -133,7 +138,7 @@ def _needs(
     # Where much is left beside the mean, light is mostly shadow. A full share would leave some pixels below zero there.
     share *= dr.select(known, dr.minimum(1, mean * mean / (_DOUBT * spread + _TINY)), 0)
     relative = dr.select(known, spread / (mean * mean + dim * dim + _TINY), dr.inf)
-    need = dr.log2(dr.clip(relative, _TINY, 1 / _TINY)) / (1 + CONVERGENCE)
+    need = dr.log2(dr.clip(relative / cost, _TINY, 1 / _TINY)) / (1 + CONVERGENCE)
     return mi.Int32(dr.round(_STEPS * need)), level, share
 
 

@@ -98,9 +98,10 @@ class Launcher:
         # Its state, as wide as the last wavefront of another integrator, would be handed to every kernel replayed.
         self.sensor.sampler().seed(0, 1)
 
-    def samples(self, launch: Launch) -> _Samples:
-        """Radiance, difference of the variate, alpha, and place in pixels of each sample."""
-        return self.replayed(self._samples, launch)
+    def samples(self, launch: Launch) -> tuple[Any, ...]:
+        """Radiance, difference of the variate, alpha, and place in pixels of each sample; its cost, if they differ."""
+        samples: _Samples = self.replayed(self._samples, launch)
+        return samples
 
     def light_samples(self, seed: mi.UInt32) -> mi.Float:
         """Samples of the map for launches that share them: one in each leaf."""

@@ -22,7 +22,7 @@ Noise = NDArray[np.float32] | None
 """See :meth:`~..sums.Sums.noise`."""
 LAUNCH = 1 << 21
 """Camera samples of one launch, about: a second on two cores."""
-_KNOWN = 128
+KNOWN = 128
 """Samples per pixel that a pilot is made for where their number is not known."""
 FIRST = 8
 """Where there are several launches, the first is smaller by this factor: there is something to see soon."""
@@ -30,7 +30,10 @@ FIRST = 8
 
 @dataclass
 class Lanes:
-    """Camera samples: ``index`` within its ``pixel``, radiance ``L``, the variate's ``difference``, and place."""
+    """Camera samples: ``index`` within its ``pixel``, radiance ``L``, the variate's ``difference``, and place.
+
+    ``cost``: of each, in any unit; None where all cost about the same.
+    """
 
     pixel: mi.UInt32
     index: mi.UInt32
@@ -38,6 +41,7 @@ class Lanes:
     difference: mi.Spectrum
     alpha: mi.Bool | mi.Float
     place: mi.Point2f
+    cost: mi.Float | None = None
 
 
 class View:
@@ -169,6 +173,7 @@ class Pilot:
         self.view, self.count, self.parts, self._shared, self._grey = view, count, parts, shared, grey
         self._images = Sums({}), Sums({})
         self._sums = np.zeros((2, 3, parts * view.pixels))
+        self._costs: list[mi.Float] = []
 
     def passes(self, seed: mi.UInt32, dim: float) -> Iterator[float]:
         """Launch by launch, the samples per pixel so far."""
@@ -191,6 +196,10 @@ class Pilot:
                 self._images, (lanes.L, lanes.difference), (lanes.alpha, mi.Bool(False)), strict=True
             ):
                 image.add(view.put(lanes, value, alpha, weight, most))
+            if lanes.cost is not None:
+                self._costs = self._costs or [dr.zeros(mi.Float, view.pixels)]
+                dr.scatter_add(self._costs[0], lanes.cost, lanes.pixel)  # whole numbers, exact in any order
+                dr.eval(self._costs)
             yield float(last.mean())
 
     def _worth(self, lanes: Lanes) -> mi.Spectrum:
@@ -219,8 +228,8 @@ class Pilot:
         # With a wider filter, a sample counts in several pixels, so each needs later ones.
         least, footprint = (self.count, 0) if box else (2 * self.count, int(np.ceil(filter.radius() - 0.5)))
         marks = view.look.marks if view.look else ()
-        known = _KNOWN if budget >= UNLIMITED else budget
-        plan = plan_samples(pilot, difference, dim, max(known, least), least, footprint, marks)
+        known = KNOWN if budget >= UNLIMITED else budget
+        plan = plan_samples(pilot, difference, dim, max(known, least), least, footprint, marks, self._costs)
         return plan if known == budget else replace(plan, counts=plan.counts * (budget // known))
 
 
@@ -232,7 +241,7 @@ def unsigned(numbers: NDArray[np.int64]) -> mi.UInt32:
 def pilot_samples(spp: int) -> int:
     """Samples of a pilot for ``spp`` in all, a power of two."""
     if spp >= UNLIMITED:
-        spp = _KNOWN
+        spp = KNOWN
     return max(1, (1 << spp.bit_length()) >> 4)
 
 

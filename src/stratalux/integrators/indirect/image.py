@@ -12,17 +12,27 @@ import numpy as np
 from ...sampling.points import mix
 from ..automatic.nested_strata import PixelPoints
 from ..automatic.sample import AllocatedLight, AutomaticSample
-from ..automatic.view import Noise, Pilot, View, pilot_samples
+from ..automatic.view import KNOWN, Noise, Pilot, View
 from ..light_samples import FreshLight
 from ..other_emitters import OtherEmitters
 from ..sight import Sight
-from ..sums import Memory, Pixels
+from ..sums import UNLIMITED, Memory, Pixels
 from .launch import PathLauncher
 from .paths import Paths
 from .vertex import VertexLight
 
 _PARTS = 4
 """Of a pilot, whose differences tell its error."""
+
+
+def pilot_paths(spp: int, box: bool) -> int:
+    """Paths of a pilot for ``spp`` in all, a power of two: half of them, as rare events show in no smaller one.
+
+    With another filter than a ``box``, a quarter: every pixel gets as many again, see :meth:`.Pilot.plan`.
+    """
+    if spp >= UNLIMITED:
+        spp = KNOWN
+    return max(1, (1 << (spp * 4 // 3).bit_length()) >> (2 if box else 3))
 
 
 class Indirect:
@@ -72,7 +82,7 @@ class IndirectImage:
         """
         self._launcher.begin(light)
         view = View(self._launcher, None)
-        few = pilot_samples(spp)
+        few = pilot_paths(spp, view.film.rfilter().is_box_filter())
         shared = self._launcher.light_samples(mix(~seed)) if view.at_once(spp) else None
         if "first" not in memory:
             pilot = Pilot(view, few, min(_PARTS, few), shared, 0.0)

@@ -14,6 +14,9 @@ from ..light_samples import FreshLight, SharedLight
 from .paths import Paths, Way
 from .vertex import VertexLight
 
+FOLLOWED = 11.0
+"""Cost of a path that meets a second surface, where one that does not costs 1."""
+
 
 class PathLauncher(Launcher):
     """As :class:`~.automatic.launch.Launcher`, for ``paths``. Where one in ten goes on, the other lanes would idle."""
@@ -25,8 +28,8 @@ class PathLauncher(Launcher):
         self._follow: Callable[..., Any] = self._follow_paths
         self.record(self._begin, self._follow)
 
-    def samples(self, launch: Launch) -> tuple[mi.Spectrum, mi.Spectrum, mi.Bool, mi.Point2f]:
-        """Radiance, nothing for the variate and for alpha, and place in pixels of each sample."""
+    def samples(self, launch: Launch) -> tuple[mi.Spectrum, mi.Spectrum, mi.Bool, mi.Point2f, mi.Float]:
+        """Radiance, nothing for the variate and for alpha, place in pixels, and cost of each sample."""
         way, importance, place = self.replayed(self._begin, launch)
         L = dr.zeros(mi.Spectrum, dr.width(launch.pixel))
         lanes = dr.compress(way.alive)
@@ -36,7 +39,7 @@ class PathLauncher(Launcher):
             dr.eval(some, index, pixel)
             brought = self.replayed(self._follow, some, index, pixel, launch.seed, launch.shared)
             dr.scatter(L, brought, lanes)
-        return L * importance, mi.Spectrum(0), mi.Bool(False), place
+        return L * importance, mi.Spectrum(0), mi.Bool(False), place, dr.select(way.alive, FOLLOWED, 1)
 
     def _begin_paths(
         self, scene: mi.Scene, sensor: mi.Sensor, width: mi.UInt32, extent: mi.Vector2f, launch: Launch

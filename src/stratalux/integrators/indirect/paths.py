@@ -7,7 +7,7 @@ from typing import ClassVar
 import drjit as dr
 import mitsuba as mi
 
-from ...sampling.points import mix
+from ...sampling.points import DIMENSIONS, mix, shuffle, sobol
 from ..automatic.nested_strata import PixelPoints
 from ..common import emits
 from ..sight import Sight
@@ -18,6 +18,22 @@ _VERTICES = 0x6A09E667
 """Distinguishes the points of paths from those of direct light."""
 _ENOUGH = 0.95
 """Probability of going on, at most, from ``rr_depth`` on: Mitsuba's."""
+
+
+class FirstPoints(PixelPoints):
+    """Of the way on from the first surface: coordinates of one sequence with the place in the pixel, while there are
+    such. What a small pixel sees in a narrow lobe depends on both."""
+
+    def __init__(self, index: mi.UInt32, seed: mi.UInt32) -> None:
+        super().__init__(index, seed)
+        self._coordinates = iter(range(2, DIMENSIONS))
+
+    def next_1d(self, active: mi.Bool | bool = True) -> mi.Float:
+        coordinate = next(self._coordinates, None)
+        return super().next_1d(active) if coordinate is None else sobol(self.index, coordinate, self.next_seed())
+
+    def next_2d(self, active: mi.Bool | bool = True) -> mi.Point2f:
+        return mi.Point2f(self.next_1d(active), self.next_1d(active))
 
 
 class Way:
@@ -84,7 +100,9 @@ class Paths:
             si = scene.ray_intersect(way.ray, mi.RayFlags.All, coherent=False, active=going)
             unseen, dark = self._not_seen(sight, si, way.ray, going & si.is_valid())
             going &= si.is_valid() & ~dark
-            points = PixelPoints(index, mix(seed + way.met * 0x9E3779B9))
+            own = mix(seed + way.met * 0x9E3779B9)
+            # Behind what was passed, the same points in another order, or they would repeat those that passed it.
+            points = FirstPoints(dr.select(way.met == 0, index, shuffle(index, own)), own)
             bs, weight, straight, lost = self._way_on(sight, si, points, unseen, way.met, going)
             going &= ~lost
             way.β = dr.select(going & ~unseen, way.β * weight, way.β)
