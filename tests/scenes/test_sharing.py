@@ -105,6 +105,19 @@ def test_each_looks_as_it_does_alone(
             np.testing.assert_allclose(one, other, rtol=limit[0], atol=limit[1])
 
 
+def test_materials_of_several_structures_keep_apart(tmp_path: Path) -> None:
+    colours = ((0.2, 0.3, 0.4), (0.5, 0.6, 0.7), (0.8, 0.1, 0.2), (0.3, 0.9, 0.1))
+    rough = Value((1.0,), random_texture(tmp_path), "g")
+    materials = [Material(base_colour=Value(each), metallic=NONE, roughness=rough) for each in colours]
+    materials[2:] = [replace(each, clearcoat=Value((0.5,))) for each in materials[2:]]
+    shapes = list(parts(*map(square, materials)).values())
+    assert len({id(shape.bsdf()) for shape in shapes}) == 2
+    for shape, colour in zip(shapes, colours, strict=True):
+        scene = mi.load_dict({"type": "scene", "shape": shape})
+        si = scene.ray_intersect(mi.Ray3f(mi.Point3f([0.3], [0.3], 5), mi.Vector3f(0, 0, -1)))
+        np.testing.assert_allclose(np.array(shape.bsdf().eval_diffuse_reflectance(si)).ravel(), colour, atol=1e-6)
+
+
 def test_other_coordinates_than_the_meshs_own(tmp_path: Path) -> None:
     """In the second set, the image lies half as large, and its first texel where x and y are small."""
     texels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255] * 3]], dtype=np.uint8)
@@ -125,7 +138,7 @@ def test_other_coordinates_than_the_meshs_own(tmp_path: Path) -> None:
 
 
 def test_a_picture_shows_what_belongs_on_each_mesh(tmp_path: Path) -> None:
-    """Kernels that are recorded once and replayed, for another scene as well."""
+    """Also where kernels of another scene are replayed. Noise is far below what colours differ by."""
     places = (-0.5, 0.5)
     for swapped in (False, True):
         colours = [(255, 0, 0), (0, 0, 255)][:: -1 if swapped else 1]
@@ -140,7 +153,7 @@ def test_a_picture_shows_what_belongs_on_each_mesh(tmp_path: Path) -> None:
         light = {"type": "envmap", "bitmap": mi.Bitmap(np.ones((8, 16, 3), np.float32))}
         pixels = seen({**parts(*pieces), "light": light})
         for column, colour in zip((2, 5), colours, strict=True):
-            np.testing.assert_allclose(pixels[3, column, :3], np.array(colour) / 255, atol=0.02)
+            np.testing.assert_allclose(pixels[3, column, :3], np.array(colour) / 255, atol=0.1)
 
 
 def test_what_differs_in_more_than_numbers_and_images_is_not_one() -> None:

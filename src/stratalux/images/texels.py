@@ -117,12 +117,12 @@ def read_texels(name: str, source: Path | bytes, max_memory: int | None = None, 
     machine has unless given. `reader`: one to be used for several files. Raises :class:`InputError` with one line if
     the file is missing, damaged, too large or not an image.
     """
-    with as_file(source) as path, nullcontext(reader) if reader is not None else Reader() as process:
+    with _as_file(source) as path, nullcontext(reader) if reader is not None else Reader() as process:
         return look_at(name, path, process, max_memory).texels(process)
 
 
 @contextmanager
-def as_file(source: Path | bytes) -> Iterator[Path]:
+def _as_file(source: Path | bytes) -> Iterator[Path]:
     """A file, or a temporary one with these bytes."""
     if not isinstance(source, bytes):
         yield source

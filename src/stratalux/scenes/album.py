@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import drjit as dr
@@ -19,7 +20,7 @@ from ..errors import InputError
 from ..images.colour import decode
 from ..images.reader import Reader
 from ..images.reading import default_memory
-from ..images.texels import Found, Texels, as_file, look_at
+from ..images.texels import Found, Texels, look_at
 from .model import Picture
 
 _READERS = 4
@@ -56,7 +57,8 @@ class Album:
         self.curves = mi.Float(_curves())
         with ExitStack() as stack:
             readers = _Readers(stack, len(pictures))
-            paths = [stack.enter_context(as_file(_source(picture))) for picture in pictures]
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix="stratalux-")))
+            paths = [_file(picture, folder / f"texture{n}") for n, picture in enumerate(pictures)]
 
             def look(reader: Reader, which: int) -> Found:
                 return look_at(pictures[which].name, paths[which], reader, max_memory)
@@ -127,10 +129,13 @@ def _tried(work: Callable[[Reader, int], Any], reader: Reader, item: int) -> Any
         return error
 
 
-def _source(picture: Picture) -> Path | bytes:
-    source = picture.data if picture.data is not None else picture.path
-    assert source is not None
-    return source
+def _file(picture: Picture, temporary: Path) -> Path:
+    """The file of a picture, or a temporary one with its bytes."""
+    if picture.data is not None:
+        temporary.write_bytes(picture.data)
+        return temporary
+    assert picture.path is not None
+    return picture.path
 
 
 def _room(count: int) -> tuple[mi.UInt32, NDArray[np.uint32]]:

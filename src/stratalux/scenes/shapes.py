@@ -187,7 +187,7 @@ def _mesh(path: Path, part: Part, linear: Floats) -> tuple[TriangleMesh | None, 
     """
     with np.errstate(all="ignore"):
         vertices = part.vertices if _is_one(linear) else part.vertices @ linear.T
-        finite: NDArray[np.bool_] = np.isfinite(vertices).all(axis=1)
+        finite = np.asarray(np.isfinite(vertices).all(axis=1))
         if not finite.all() and not finite[part.faces].all():
             raise InputError(f"{path}: a vertex is not a finite float32 number; repair the mesh")
         real = _have_area(vertices, part.faces)
@@ -210,10 +210,10 @@ def _mesh(path: Path, part: Part, linear: Floats) -> tuple[TriangleMesh | None, 
     # Normals go with the inverse transpose.
     with np.errstate(all="ignore"):
         normals = unit(part.normals[used] @ np.linalg.pinv(linear))
-        good = np.abs(np.linalg.norm(normals, axis=1) - 1) < 1e-3
+        good = np.asarray(np.abs(np.linalg.norm(normals, axis=1) - 1) < 1e-3)
     if good.all():
         return replace(mesh, normals=normals.astype(np.float32)), centre, 0
-    usable = good[triangles].all(axis=1)
+    usable = np.asarray(good[triangles].all(axis=1))
     given = np.any(~np.isnan(part.normals[used].sum(axis=1))[triangles], axis=1)
     return _shaded(mesh, normals.astype(np.float32), usable), centre, int(np.sum(given & ~usable))
 

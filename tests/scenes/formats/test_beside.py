@@ -51,3 +51,13 @@ def test_names_are_relative_to_their_own_file_first(folder: Path) -> None:
     assert file_beside(folder, "a.png", folder / "sub") == folder / "sub" / "a.png"
     assert file_beside(folder, "../a.png", folder / "sub") == folder / "sub" / ".." / "a.png"
     assert file_beside(folder, "sub/b.png", folder / "sub") == folder / "sub" / "b.png"
+
+
+def test_links_that_lead_out_of_the_folder_are_missing_files(folder: Path) -> None:
+    for name, target in (("in.png", "a.png"), ("out.png", "../out.png"), ("Out2.png", "../out.png"), ("up", "..")):
+        (folder / name).symlink_to(folder / target)
+    assert file_beside(folder, "in.png") == folder / "in.png"
+    for name in ("out.png", "out2.png", "up/out.png", "/elsewhere/out.png"):
+        assert file_beside(folder, name) is None
+    (folder.parent / "link").symlink_to(folder)
+    assert file_beside(folder.parent / "link", "a.png") == folder.parent / "link" / "a.png"

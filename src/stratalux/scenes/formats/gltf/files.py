@@ -7,6 +7,7 @@ from pathlib import Path
 from urllib.parse import unquote, unquote_to_bytes
 
 from ....errors import InputError
+from ..beside import is_below
 
 
 def is_data(uri: str) -> bool:
@@ -33,7 +34,7 @@ def file_of(document: Path, uri: str) -> Path:
         file = folder / name
         if not file.is_file():
             continue
-        if Path(name).is_absolute() or not file.resolve().is_relative_to(folder.resolve()):
+        if Path(name).is_absolute() or not is_below(file, folder):
             raise InputError(f"{document}: refers to {name!r}, outside of its own folder; copy it there")
         return file
     raise InputError(f"{document}: the file {unquote(uri)!r} that it refers to is not there; copy it too")
