@@ -32,6 +32,8 @@ OURS = {**PATH, "type": "path_stratified"}
          {"type": "scene", "ball": {"type": "sphere"}, "i": OURS}),
         ({"type": "scene"}, {"type": "scene", "integrator": {"type": "path_stratified"}}),
         (OURS, OURS),
+        ({"type": "scene", "thing": {"type": "of nobody"}},
+         {"type": "scene", "thing": {"type": "of nobody"}, "integrator": {"type": "path_stratified"}}),
     ],
 )  # fmt: skip
 def test_descriptions(theirs: dict[str, Any], ours: dict[str, Any]) -> None:
@@ -56,6 +58,7 @@ def test_what_is_left_alone_is_told() -> None:
     for left, line in (
         ({"type": "volpath"}, "volpath: left as it is"),
         ({"type": "path", "max_depth": 1}, "path with max_depth 1: left as it is"),
+        ({"type": "path", "max_depth": 0}, "path with max_depth 0: left as it is"),
         (mi.load_dict({"type": "ptracer"}), "ParticleTracerIntegrator: left as it is"),
         (mi.load_dict({"type": "aov", "aovs": "d:depth", "one": PATH}), "aov: left as it is; once loaded, it does not"),
     ):

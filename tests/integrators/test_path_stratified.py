@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from stratalux import InputError, render
+from stratalux.integrators.straight import LAYERS
 from stratalux.integrators.techniques import parse_technique
 from stratalux.rendering.passes import technique_of
 from stratalux.rendering.settings import SamplingSettings
@@ -119,3 +120,24 @@ def test_what_is_chosen(settings: dict[str, Any], own: Any, name: str, given: di
 def test_contradictions_are_refused(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         technique_of(SamplingSettings(**settings))
+
+
+@pytest.mark.parametrize("layers", [LAYERS - 1, LAYERS])
+def test_light_ends_where_layers_have_no_end(layers: int) -> None:
+    """Two white walls that light each other, within so many balls that let all light through."""
+    T = mi.ScalarTransform4f
+    white = {"type": "twosided", "of": {"type": "diffuse", "reflectance": 1.0}}
+    walls = {"floor": T().rotate([1, 0, 0], -90), "wall": T().translate([0, 1, -1])}
+    around = {f"b{k}": {"type": "sphere", "radius": 8 + k / 16, "bsdf": {"type": "null"}} for k in range(layers)}
+    description = {
+        **scene_dict("diffuse", np.ones((8, 16, 3), dtype=np.float32), size=(4, 4)),
+        **{name: {"type": "rectangle", "to_world": place, "bsdf": white} for name, place in walls.items()},
+        **around,
+    }
+    description["sensor"] |= {"to_world": T().look_at([0, 0.6, 1.5], [0, 0.2, -1], [0, 1, 0]), "fov": 20}
+    del description["ball"], description["box"]
+    direct, whole = (picture(description, 16, max_depth=depth).mean() for depth in (2, 4))
+    if layers < LAYERS:
+        assert 0 < 1.1 * direct < whole
+    else:
+        assert [direct, whole] == pytest.approx([0, 0], abs=1e-3)  # but for the rounding of a variate

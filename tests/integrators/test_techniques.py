@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -115,3 +117,29 @@ def test_any_property_of_stratified_pins_the_paper_scheme() -> None:
     assert stratified.settings({"strata": 16}) == {"strata": 16, "proposals": 1, "bsdf_samples": 0}
     assert stratified.settings({"bsdf_samples": 0}) == {"strata": 64, "proposals": 1, "bsdf_samples": 0}
     assert stratified.settings({"proposals": 4, "bsdf_samples": 2}) == {"strata": 64, "proposals": 4, "bsdf_samples": 2}
+
+
+RAYS = {"samples": (16, 1), "bsdf_samples": (0, 0)}
+SAID: dict[str, tuple[bool, dict[str, tuple[Any, float | None]]]] = {
+    "stratified": (True, {"strata": (0, 0), "proposals": (0, 0), "bsdf_samples": (-1, -1)}),
+    "importance": (True, {**RAYS, "proposals": (1, 1), "sequence": ("sobol", None)}),
+    "wavelet": (True, {"samples": (16, 1), "resolution": (16, 8)}),
+    "direct": (True, {"emitter_samples": (1, 0), "bsdf_samples": (1, 0)}),
+    "path": (True, {"max_depth": (2, -1)}),
+    "path-stratified": (True, {"max_depth": (-1, -1), "rr_depth": (5, 1)}),
+    "median-cut": (False, {"lights": (64, 1), "jitter": (False, None)}),
+}
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_what_techniques_say_of_themselves(name: str) -> None:
+    """Whether they are unbiased, and the defaults of their properties and the least that these can be."""
+    technique, _ = parse_technique(name)
+    unbiased, properties = SAID[name]
+    assert technique.unbiased == unbiased
+    assert {key: (prop.default, prop.minimum) for key, prop in technique.properties.items()} == properties
+
+
+def test_direct_takes_samples_of_some_kind() -> None:
+    with pytest.raises(InputError, match="emitter_samples and bsdf_samples are all 0"):
+        parse_technique("direct")[0].settings({"emitter_samples": 0, "bsdf_samples": 0})

@@ -51,7 +51,7 @@ def loaded(sky: bool = True, **things: dict[str, Any]) -> mi.Scene:
 
 @cache
 def material(variant: str, name: str) -> mi.BSDF:
-    return mi.load_dict(MATERIALS[name])
+    return mi.load_dict({**MATERIALS, "white": {"type": "diffuse", "reflectance": 1.0}}[name])
 
 
 def point(lanes: int, name: str) -> tuple[mi.SurfaceInteraction3f, mi.BSDFPtr]:
@@ -88,13 +88,14 @@ def assert_mean(estimates: NDArray[Any], expected: NDArray[np.float64], comparis
 
 
 def estimates(name: str, estimate: Callable[..., mi.Spectrum]) -> NDArray[np.float64]:
-    """The means (runs, 3) of ``estimate`` over lanes; samples may be shared by these."""
-    sampler, found = mi.load_dict({"type": "independent"}), []
+    """The means (runs, 3) of ``estimate`` over lanes; samples may be shared by these. Some lanes have nothing to do."""
+    sampler, found, active = mi.load_dict({"type": "independent"}), [], np.arange(LANES) % 8 > 0
     for run in range(RUNS):
         sampler.seed(run, LANES)
         si, bsdf = point(LANES, name)
-        found.append(estimate(sampler, si, bsdf, mi.Bool(True)).numpy().astype(np.float64).mean(axis=1))
-    assert np.isfinite(found).all()
+        lanes = estimate(sampler, si, bsdf, mi.Bool(active)).numpy().astype(np.float64)
+        assert np.isfinite(lanes).all() and (lanes[:, ~active] == 0).all()
+        found.append(lanes[:, active].mean(axis=1))
     return np.array(found)
 
 
@@ -106,6 +107,7 @@ TECHNIQUES: list[tuple[str, str, dict[str, Any]]] = [
     ("roughconductor", "stratified", {"strata": 5, "bsdf_samples": 2}),
     ("roughconductor", "stratified", {"strata": 3, "proposals": 4, "bsdf_samples": 1}),
     ("roughplastic", "importance", {"samples": 3}),
+    ("roughplastic", "importance", {"samples": 1, "proposals": 2}),
     ("roughconductor", "importance", {"samples": 3, "bsdf_samples": 2, "sequence": "independent"}),
     ("roughplastic", "importance", {"samples": 3, "proposals": 8}),
     ("roughconductor", "importance", {"samples": 2, "proposals": 8, "bsdf_samples": 2}),
@@ -225,22 +227,25 @@ def slope(at: Callable[[float], NDArray[np.float64]]) -> NDArray[np.float64]:
     return np.array([(ends[1] - ends[0]) / (2 * STEP)])
 
 
-def slopes(of: mi.Scene, estimate: Callable[..., mi.Spectrum]) -> NDArray[np.float64]:
-    """Derivatives (runs, 1) of the sum of the channels of ``estimate`` with the roughness of the ball."""
+def slopes(
+    of: mi.Scene, estimate: Callable[..., mi.Spectrum], key: str = "alpha", value: float = 0.3
+) -> NDArray[np.float64]:
+    """Derivatives (runs, 1) of the sum of the channels of ``estimate`` with what the ball is made of: its roughness."""
     params, found = mi.traverse(of), []
     sampler = mi.load_dict({"type": "independent"})
+    kind = type(params[f"ball.bsdf.{key}.value"])
     ball = next(shape for shape in of.shapes() if shape.id() == "ball")
     bsdf = dr.gather(mi.BSDFPtr, mi.BSDFPtr(ball.bsdf()), dr.zeros(mi.UInt32, 4 * LANES))
     for run in range(RUNS):
-        roughness = mi.Float(0.3)
-        dr.enable_grad(roughness)
-        params["ball.bsdf.alpha.value"] = roughness
+        parameter = mi.Float(value)
+        dr.enable_grad(parameter)
+        params[f"ball.bsdf.{key}.value"] = kind(parameter)
         params.update()
         sampler.seed(run, 4 * LANES)
         si, _ = point(4 * LANES, "roughconductor")
         dr.backward(dr.sum(dr.sum(estimate(sampler, si, bsdf, mi.Bool(True)))) / (4 * LANES))
-        found.append(dr.grad(roughness).numpy().astype(np.float64))
-    params["ball.bsdf.alpha.value"] = mi.Float(0.3)  # or all scenes that live had derivatives
+        found.append(dr.grad(parameter).numpy().astype(np.float64))
+    params[f"ball.bsdf.{key}.value"] = kind(value)  # or all scenes that live had derivatives
     params.update()
     return np.array(found)
 
@@ -285,3 +290,34 @@ def test_derivatives_of_light_of_lamps() -> None:
 
     expected = slope(lambda roughness: summed("roughconductor", arriving, rough(roughness)))
     assert_mean(slopes(of, both), expected, 4, 0.04)
+
+
+GREY = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
+
+
+def test_what_is_black_can_learn_to_reflect_the_map() -> None:
+    """Its light is in proportion to the reflectance, the samples' q is 0."""
+    of = loaded(ball={**BALL, "bsdf": {**GREY, "id": "grey"}})
+    integrator = mi.load_dict({"type": "direct_importance", "samples": 3, "proposals": 6, "bsdf_samples": 1})
+    expected = np.array([of_map(mi.variant(), "white", 1.0).sum()])
+    found = slopes(
+        of, lambda *at: integrator.environment_light(of, integrator.prepare(of), *at), "reflectance", value=0.0
+    )
+    assert_mean(found, expected, 2)
+
+
+def test_what_is_black_can_learn_to_reflect_lamps() -> None:
+    from stratalux.integrators.other_emitters import OtherEmitters
+
+    of, lamps = loaded(ball={**BALL, "bsdf": {**GREY, "id": "grey"}}, **LAMPS), loaded(False, ball=BALL, **LAMPS)
+    others = OtherEmitters(of, True, True)
+
+    def arriving(ray: mi.Ray3f) -> mi.Spectrum:
+        hit = lamps.ray_intersect(ray)
+        return dr.select(hit.is_valid(), hit.shape.emitter().eval(hit), 0)
+
+    def both(sampler: mi.Sampler, *at: Any) -> mi.Spectrum:
+        return others.emitter_sampling(of, sampler, *at) + others.bsdf_sampling(of, sampler, *at)
+
+    expected = np.array([summed("white", arriving).sum()])
+    assert_mean(slopes(of, both, "reflectance", value=0.0), expected, 2)

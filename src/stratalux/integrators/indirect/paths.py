@@ -181,7 +181,7 @@ class Paths:
         straight, lost = mi.Bool(unseen), mi.Bool(False)
         if sight.masks:
             null = active & ~unseen & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
-            lost = null & (dr.all(bsdf.eval_null_transmission(si, null) == 0) | (layers >= LAYERS))
+            lost = null & (dr.all(bsdf.eval_null_transmission(si, null) == 0) | (layers + 1 >= LAYERS))
             straight |= null
         return bs, weight, straight, lost
 
