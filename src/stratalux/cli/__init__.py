@@ -15,6 +15,7 @@ from ..errors import CacheWarning, EnvironmentMapWarning, ImageWarning, InputErr
 
 COMMANDS = {
     "render": "Render a scene, a mesh or the demo.",
+    "merge": "Join images of different seeds.",
     "develop": "Make pictures of images that are there.",
     "settings": "Print the command that makes an image again.",
     "compare": "Compare techniques at equal rays and at equal time.",
@@ -64,6 +65,7 @@ def cli(ctx: click.Context, debug: bool) -> None:
       stratalux render demo -o demo.png
       stratalux render buddha.ply --env venice.hdr --material gold -o buddha.exr
       stratalux render scene.xml --spp 128 -o scene.exr
+      stratalux merge one.exr two.exr -o both.exr
       stratalux develop scene.exr --view agx -o scene.png
       stratalux settings scene.exr
       stratalux compare demo --technique stratified --technique direct --rays 16,64

@@ -28,6 +28,7 @@ _TEXTS = (
     "name",
     "stratalux",
     "stratalux:layout",
+    "stratalux:samples",
     "oiio:ColorSpace",
     "textureformat",
     "view",

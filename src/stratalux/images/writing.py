@@ -35,20 +35,27 @@ _XYZ = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3)
 
 @documented(OutputSettings)
 def write_image(
-    path: str | Path, image: Image, metadata: Mapping[str, bool | str | int | float] | None = None, **settings: Any
+    path: str | Path,
+    image: Image,
+    metadata: Mapping[str, bool | str | int | float] | None = None,
+    *,
+    channels: Sequence[str] | None = None,
+    **settings: Any,
 ) -> None:
     """Write ``image`` (linear, floating point) by the suffix of ``path``; the file appears complete or not at all.
 
     ``image``: a bitmap, or an array (H, W, C) of luminance or of red, green and blue, with or without alpha, by which
-    they are multiplied. OpenEXR files hold all channels, and ``metadata``. Pictures are developed, see
-    :func:`.tonemap.view_codes`; .png, .webp and .tif have alpha beside colours that are not multiplied by it, unless it
-    is 1 everywhere. What is lost is told by an :class:`ImageWarning`. Raises :class:`InputError` for a place or format
+    they are multiplied; ``channels``: their names, where it has none. OpenEXR files hold them all, and ``metadata``.
+    Pictures are developed, see :func:`.tonemap.view_codes`; .png, .webp and .tif have alpha beside colours that are not
+    multiplied by it, unless it is 1 everywhere. What is lost is told by an :class:`ImageWarning`. Raises :class:`InputError` for a place or format
     that cannot be written, and :class:`OSError`.
     """
     output = OutputSettings(**settings)
     path = check_output(path)
     check_bits(path, output)
     pixels, names = _channels(image)
+    if channels is not None:
+        names = list(channels)
     check_film(path, pixels.shape[1], pixels.shape[0], len(names))
     if path.suffix.lower() == ".exr":
         content = _openexr(path, pixels, names, metadata or {}, output.float32)

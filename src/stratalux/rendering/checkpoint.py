@@ -83,6 +83,7 @@ def identity_of(scene: mi.Scene, picture: PictureSettings) -> dict[str, Any]:
         "settings": content,
         "map": _digest(scene, lambda name: name.startswith(of_map)),
         "scene": _digest(scene, lambda name: not name.startswith(of_map)),
+        "file": _file(picture),
         "versions": {
             "stratalux": version("stratalux"),
             "mitsuba": mi.__version__,
@@ -107,13 +108,25 @@ def _digest(scene: mi.Scene, wanted: Callable[[str], bool]) -> str:
     return digest.hexdigest()
 
 
+def _file(picture: PictureSettings) -> str:
+    """A hash of the scene's file: not all that a model has are parameters of Mitsuba's objects."""
+    source = None if picture.scene is None else Path(picture.scene.source)
+    if source is None or not source.is_file():
+        return ""
+    digest = hashlib.sha256()
+    with open(source, "rb") as file:
+        while block := file.read(1 << 24):
+            digest.update(block)
+    return digest.hexdigest()
+
+
 def _differences(before: Any, now: Any, name: str = "") -> Iterator[str]:
     """Where two contents of JSON differ."""
     if isinstance(before, Mapping) and isinstance(now, Mapping):
         for key in sorted({*before, *now}):
             yield from _differences(before.get(key), now.get(key), key)
     elif json.loads(json.dumps(before)) != json.loads(json.dumps(now)):
-        if name in ("map", "scene"):
+        if name in ("map", "scene", "file"):
             yield f"the {name} is another one"
         else:
             yield f"{name} was {json.dumps(before)} and is {json.dumps(now)}"

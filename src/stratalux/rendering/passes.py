@@ -33,6 +33,7 @@ from .checkpoint import Checkpoint, identity_of
 from .settings import (
     GROUPS,
     METADATA,
+    SAMPLES,
     USUAL_DEPTH,
     MachineSettings,
     PictureSettings,
@@ -114,7 +115,11 @@ class RenderResult:
         """What the OpenEXR file remembers."""
         return {
             **self.settings,
-            **({METADATA: self.picture.to_text()} if self.picture else {}),
+            **(
+                {METADATA: self.picture.to_text(), SAMPLES: f"{self.spp} {self.picture.sampling.seed}"}
+                if self.picture
+                else {}
+            ),
             "spp": self.spp,
             **({} if self.error is None else {"relativeStandardError": self.error}),
             "seconds": self.seconds,

@@ -17,6 +17,9 @@ from ..settings import Kind, Settings, command_line, option
 METADATA = "stratalux"
 """Under this name an OpenEXR file has the JSON of its :class:`PictureSettings`."""
 
+SAMPLES = "stratalux:samples"
+"""Under this name it has the samples per pixel, and the seeds after them."""
+
 LARGEST_SEED = (1 << 32) - 1
 MOST_SAMPLES = (1 << 24) - 1
 MOST_SEGMENTS = 1 << 20
