@@ -183,6 +183,12 @@ def test_other_variants(name: str, variant: str) -> None:
     compare(name, MORE.get(name, 64), max_depth=8)
 
 
+@SLOW
+def test_more_samples_of_the_map_on_gloss(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stratalux.integrators.indirect.vertex.DETAIL", 1)
+    compare("roughconductor", MORE["roughconductor"], max_depth=3)
+
+
 def test_launches_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", 24 * 18 * 12)
     compare("diffuse", max_depth=3)

@@ -47,8 +47,8 @@ def write_image(
     ``image``: a bitmap, or an array (H, W, C) of luminance or of red, green and blue, with or without alpha, by which
     they are multiplied; ``channels``: their names, where it has none. OpenEXR files hold them all, and ``metadata``.
     Pictures are developed, see :func:`.tonemap.view_codes`; .png, .webp and .tif have alpha beside colours that are not
-    multiplied by it, unless it is 1 everywhere. What is lost is told by an :class:`ImageWarning`. Raises :class:`InputError` for a place or format
-    that cannot be written, and :class:`OSError`.
+    multiplied by it, unless it is 1 everywhere. What is lost is told by an :class:`ImageWarning`. Raises
+    :class:`InputError` for a place or format that cannot be written, and :class:`OSError`.
     """
     output = OutputSettings(**settings)
     path = check_output(path)

@@ -132,16 +132,18 @@ class Paths:
         met, layers = mi.UInt32(way.met), mi.UInt32(0)  # Surfaces, and those passed since the last vertex
         x = dr.zeros(mi.Interaction3f)  # The last vertex
         pdf, delta = mi.Float(0), mi.Bool(True)  # Of the sample of its BSDF
+        M = mi.UInt32(0)  # Samples of the map there
         going = mi.Bool(way.alive)
         while going:
             si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=going)
-            L += β * light.found(x, si, pdf, delta, going & (scattered >= 2))
+            L += β * light.found(x, si, pdf, delta, M, going & (scattered >= 2))
             reflects = scattered < most  # else, what the last sample of a BSDF finds may still be behind masks
             going &= si.is_valid() & (reflects | sight.masks)
 
             # ------------------------- Light that arrives here ------------------------
             points = PixelPoints(index, mix(seed + met * 0x9E3779B9))
-            L += β * light.sampled(points, si, si.bsdf(), going & reflects)
+            M_here = light.proposals(si.shape, si.bsdf(), going)
+            L += β * light.sampled(points, si, si.bsdf(), M_here, going & reflects)
 
             # ------------------------------- The way on -------------------------------
             bs, weight, straight, lost = self._way_on(sight, si, points, mi.Bool(False), layers, going)
@@ -150,7 +152,7 @@ class Paths:
             scatters = going & ~straight
             x.p, x.n = dr.select(scatters, si.p, x.p), dr.select(scatters, si.n, x.n)
             x.time, x.wavelengths = si.time, si.wavelengths
-            pdf = dr.select(scatters, bs.pdf, pdf)
+            pdf, M = dr.select(scatters, bs.pdf, pdf), dr.select(scatters, M_here, M)
             delta = dr.select(scatters, mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta), delta)
             η = dr.select(scatters, η * bs.eta, η)
             scattered += dr.select(scatters, 1, 0)

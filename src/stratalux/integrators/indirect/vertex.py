@@ -5,17 +5,19 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from ...sampling.leaf_sampler import LeafSampler
 from ...sampling.points import mix, shuffle, van_der_corput
 from ..automatic.nested_strata import PixelPoints, Survivor
+from ..automatic.sample import AllocatedLight
 from ..common import LEAST, target
-from ..environment import MapLight, looked_up
+from ..environment import looked_up
 from ..light_samples import FreshLight, SharedLight
 from ..other_emitters import OtherEmitters
 from ..straight import Scene, arriving
 
-PROPOSALS = 4
-"""Samples of the map for each ray towards it: half of them lie below the horizon."""
+PROPOSALS, MORE = 4, 16
+"""Samples of the map for each ray towards it, half of which lie below the horizon: usually, and on what has gloss alone
+where the map has so much detail inside of its lobes that direct light takes :data:`DETAIL` for each ray, or more."""
+DETAIL = 4
 
 
 class VertexLight:
@@ -37,31 +39,39 @@ class VertexLight:
         scene: mi.Scene,
         obstacles: Scene,
         others: OtherEmitters,
-        light: MapLight[LeafSampler] | None,
+        light: AllocatedLight | None,
         samples: FreshLight | SharedLight | None,
     ) -> None:
         self._scene, self._obstacles, self._others = scene, obstacles, others
         self._light, self._samples = light, samples
 
+    def proposals(self, shape: mi.ShapePtr, bsdf: mi.BSDFPtr, active: mi.Bool) -> mi.UInt32:
+        """M at a vertex on that ``shape`` with that ``bsdf``."""
+        few, many = dr.opaque(mi.UInt32, PROPOSALS), dr.opaque(mi.UInt32, MORE)
+        if self._light is None:
+            return few
+        *_, M, matte = self._light.allocation.of(shape, bsdf, mi.UInt32(0), active)
+        return mi.UInt32(dr.select(~matte & (M >= DETAIL), many, few))
+
     def sampled(
-        self, points: PixelPoints, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool
+        self, points: PixelPoints, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, M: mi.UInt32, active: mi.Bool
     ) -> mi.Spectrum:
-        """What samples of the lights bring to ``si``."""
+        """What samples of the lights bring to ``si``, M of them from the map."""
         active = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
         L_o = mi.Spectrum(0)
         if self._light is not None:
-            L_o += self._of_map(points, si, bsdf, active)
+            L_o += self._of_map(points, si, bsdf, M, active)
         if self._others.lights:
             L_o += self._others.emitter_sampling(self._scene, points, si, bsdf, active)
         return L_o
 
     @dr.syntax
     def _of_map(
-        self, points: PixelPoints, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool
+        self, points: PixelPoints, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, M: mi.UInt32, active: mi.Bool
     ) -> mi.Spectrum:
         light, samples, ctx = self._light, self._samples, mi.BSDFContext()
         assert light is not None and samples is not None
-        M = dr.opaque(mi.UInt32, PROPOSALS)
+        share = dr.rcp(mi.Float(M))
         seed = points.next_seed()
         first = shuffle(points.index, seed) * M
         kept = Survivor()
@@ -71,26 +81,35 @@ class VertexLight:
             where = van_der_corput(point, mix(seed))  # in units of 2⁻³² along the leaves
             d, luminance, L_p = samples.draw(where >> (32 - light.tables.depth), where, si, active)
             f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
-            p = self._density(luminance)
-            kept.offer(d, L_p * f * (dr.select(p > 0, p / (p + pdf), 0) / PROPOSALS), mix(seed ^ ~point))
+            p = self._density(luminance, M)
+            kept.offer(d, L_p * f * (dr.select(p > 0, p / (p + pdf), 0) * share), mix(seed ^ ~point))
             j += 1
         return arriving(self._obstacles, si, kept.d, kept.g, active & dr.any(kept.g != 0))
 
     def found(
-        self, before: mi.Interaction3f, hit: mi.SurfaceInteraction3f, pdf: mi.Float, delta: mi.Bool, active: mi.Bool
+        self,
+        before: mi.Interaction3f,
+        hit: mi.SurfaceInteraction3f,
+        pdf: mi.Float,
+        delta: mi.Bool,
+        M: mi.UInt32,
+        active: mi.Bool,
     ) -> mi.Spectrum:
-        """Weighted radiance of what a sample of the BSDF at ``before`` has ``hit``; of that ``pdf``, or ``delta``."""
+        """Weighted radiance of what a sample of the BSDF at ``before`` has ``hit``; of that ``pdf``, or ``delta``.
+
+        M: samples of the map that there were.
+        """
         value, weight, lit = self._others.found(self._scene, before, hit, pdf, delta, active)
         L = dr.select(lit, value * weight, 0)
         light = self._light
         if light is not None:
             bare = active & ~hit.is_valid() & ~delta
             value = looked_up(lambda lanes: light.emitter.eval(hit, lanes), bare)
-            L += dr.select(bare, value * (pdf / dr.maximum(pdf + self._density(target(value)), LEAST)), 0)
+            L += dr.select(bare, value * (pdf / dr.maximum(pdf + self._density(target(value), M), LEAST)), 0)
         return L
 
-    def _density(self, luminance: mi.Float) -> mi.Float:
+    def _density(self, luminance: mi.Float, M: mi.UInt32) -> mi.Float:
         """M p̃ where the map has this luminance."""
         assert self._light is not None
         energy = dr.maximum(self._light.tables.total * self._light.scale, LEAST)
-        return dr.maximum(luminance, 0) * (PROPOSALS / energy)
+        return dr.maximum(luminance, 0) * (mi.Float(M) / energy)
