@@ -120,7 +120,8 @@ TESTS = {
     "statistics/test_others_are_off.py statistics/test_unbiased.py "
     "-k emitter or power or delta or lamps or others_are_off or light or without",
     "integrators/path_stratified.py": "integrators/test_path_stratified.py statistics/test_path.py",
-    "integrators/sight.py": "integrators/test_backdrop.py integrators/test_catcher.py integrators/test_straight.py",
+    "integrators/sight.py": "integrators/test_sight.py integrators/test_backdrop.py integrators/test_catcher.py "
+    "integrators/test_straight.py",
     "integrators/straight.py": "integrators/test_straight.py statistics/test_one_point.py statistics/test_straight.py "
     "-k straight or masks or lamps",
     "integrators/automatic/view.py": "integrators/automatic/test_view.py statistics/test_nested_strata.py",

@@ -67,6 +67,11 @@ def test_another_map(ours: dict[str, Any]) -> None:
     np.testing.assert_allclose(picture(of, ours, background=again, hide_emitters=True), expected, rtol=1e-4, atol=1e-5)
 
 
+def test_a_number_is_a_grey() -> None:
+    integrator = mi.load_dict({**PINNED, "background": 0.25})
+    assert mi.traverse(integrator.background)["radiance.value"].numpy().ravel() == pytest.approx(0.25)
+
+
 def test_lamps_stay_in_front() -> None:
     of = scene(lamp=lamp(), size=(24, 16), sensor={"to_world": _towards_the_lamp()})
     seen, hidden = (picture(of, PINNED, background="none", hide_emitters=hide) for hide in (False, True))

@@ -179,6 +179,47 @@ def test_another_map_is_another_light() -> None:
     np.testing.assert_allclose(mi.render(scene, integrator=integrator, spp=16, seed=1).numpy()[8:, :4], 1, rtol=1e-5)
 
 
+def test_what_it_is_lit_by_is_the_sum_over_its_side() -> None:
+    """π over ∫ L cos dω, wherever the map and the ground are turned to; one cache finds it each time."""
+    from stratalux.integrators.catcher import CatcherCache  # of the active variant
+
+    cache, T = CatcherCache("floor"), mi.ScalarTransform4f
+    steps = 512
+    k = np.arange(2 * steps * steps)
+    cosine, φ = (k // (2 * steps) + 0.5) / steps, np.pi / steps * (k % (2 * steps) + 0.5)
+    sine = np.sqrt(1 - cosine**2)
+    local = mi.Vector3f(np.stack([np.cos(φ) * sine, np.sin(φ) * sine, cosine]))
+    for texels, scale, angle, turned in (
+        (hall_map(), 0.5, 0, 37),
+        (hall_map(), 0.5, 80, 37),
+        (hall_map(), 2.0, 80, -100),
+        (hall_map() * np.float32([1, 1, 0]), 0.5, 0, 37),
+    ):
+        of = described(texels)
+        of["floor"]["to_world"] = T().rotate([1, 0, 0], -90 + angle).rotate([0, 1, 0], 20).scale(6)
+        of["sky"] |= {"scale": scale, "to_world": T().rotate([0, 1, 0], turned).rotate([1, 0, 0], -28)}
+        lit = mi.load_dict(of)
+        light = mi.load_dict(PINNED).prepare(lit)
+        catcher = cache.get(lit, light)
+        floor = next(shape for shape in lit.shapes() if shape.id() == "floor")
+        n = floor.sample_position(0.0, mi.Point2f(0.5)).n
+        d = mi.Frame3f(n).to_world(local)
+        L = light.radiance_towards(d, dr.zeros(mi.SurfaceInteraction3f), mi.Bool(True)).numpy().astype(np.float64)
+        E = 2 * np.pi * (L * cosine).mean(axis=1)
+        expected = np.divide(np.pi, E, out=np.zeros(3), where=E > 0)
+        np.testing.assert_allclose(catcher.weight.numpy().ravel(), expected, rtol=2e-3)
+
+
+@pytest.mark.parametrize("count", [8, 9])
+def test_a_few_names_are_told(count: int) -> None:
+    of = described()
+    del of["ball"], of["box"]
+    of |= {f"thing{k}": {"type": "sphere", "bsdf": {"type": "diffuse"}} for k in range(count - 1)}
+    with pytest.raises((InputError, RuntimeError)) as stop:
+        picture(of, PINNED, catcher="ground")
+    assert ("…" in str(stop.value) + str(stop.value.__cause__)) == (count > 8)
+
+
 def test_what_cannot_be_a_catcher() -> None:
     of = described()
     for name, told in (("ground", "no shape of that name; it has"), ("ball", "is not flat")):

@@ -38,6 +38,16 @@ def test_as_many_samples_as_asked_for(spp: int) -> None:
     assert np.isfinite(result.image).all()
 
 
+@pytest.mark.parametrize("room", [1 << 21, 24 * 18 * 12])
+def test_progress_goes_up_to_what_was_asked_for(room: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", room)
+    scene = mi.load_dict(scene_dict())
+    integrator = mi.load_dict({"type": "path_stratified", "max_depth": 3})
+    numbers = [spp for _, spp in integrator.passes(scene, scene.sensors()[0], 0, 32)]
+    assert numbers == sorted(set(numbers)) and numbers[0] > 0
+    assert numbers[-1] == pytest.approx(32, rel=0.125)
+
+
 def test_variants_may_change() -> None:
     for variant in (RGB, MONO):
         mi.set_variant(variant)

@@ -140,6 +140,15 @@ def test_what_techniques_say_of_themselves(name: str) -> None:
     assert {key: (prop.default, prop.minimum) for key, prop in technique.properties.items()} == properties
 
 
+def test_products_are_formed_in_a_power_of_two_of_cells() -> None:
+    for resolution in (8, 16, 32):
+        assert mi.load_dict({"type": "direct_wavelet", "resolution": resolution}).resolution == resolution
+    for resolution in (12, 64):
+        with pytest.raises((InputError, RuntimeError)) as stop:
+            mi.load_dict({"type": "direct_wavelet", "resolution": resolution})
+        assert f"{resolution} is not one of 8, 16 and 32" in str(stop.value) + str(stop.value.__cause__)
+
+
 def test_direct_takes_samples_of_some_kind() -> None:
     with pytest.raises(InputError, match="emitter_samples and bsdf_samples are all 0"):
         parse_technique("direct")[0].settings({"emitter_samples": 0, "bsdf_samples": 0})

@@ -257,9 +257,9 @@ def rough(roughness: float) -> mi.BSDF:
 @pytest.mark.parametrize(
     ("technique", "properties"),
     [
-        ("stratified", {"strata": 3, "proposals": 2, "bsdf_samples": 2}),
+        pytest.param("stratified", {"strata": 3, "proposals": 2, "bsdf_samples": 2}, marks=pytest.mark.slow),
         ("importance", {"samples": 3, "proposals": 6, "bsdf_samples": 2}),
-        ("wavelet", {"samples": 4, "resolution": 8}),
+        pytest.param("wavelet", {"samples": 4, "resolution": 8}, marks=pytest.mark.slow),
     ],
 )
 def test_derivatives_of_light_of_the_map(technique: str, properties: dict[str, Any]) -> None:

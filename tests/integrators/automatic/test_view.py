@@ -130,14 +130,18 @@ def test_later_samples_follow_those_of_the_pilot(room: int, shared: bool, monkey
                 assert image[row, column, 1] == pytest.approx(green.mean(), rel=1e-5)
 
 
-@pytest.mark.parametrize("rfilter", ["box", "gaussian"])
-def test_parts_of_a_pilot_are_means_of_their_samples(rfilter: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("rfilter", "alpha"), [("box", None), ("gaussian", None), ("box", 0.4)])
+def test_parts_of_a_pilot_are_means_of_their_samples(
+    rfilter: str, alpha: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where alpha is a share, errors are looked for over a grey picture."""
     from stratalux.integrators.automatic.view import Pilot
 
     def samples(launch: Any) -> tuple[Any, ...]:
         value = mi.Float(launch.pixel) + 10 * mi.Float(launch.index)
         place = mi.Point2f(mi.Float(launch.pixel % 3) + 0.5, mi.Float(launch.pixel // 3) + 0.5)
-        taken = mi.Color3f(value, 2 * value, 3 * value), mi.Color3f(-value), mi.Bool(True), place
+        covered = mi.Bool(True) if alpha is None else mi.Float(alpha)
+        taken = mi.Color3f(value, 2 * value, 3 * value), mi.Color3f(-value, value, 2 * value), covered, place
         return (*taken, mi.Float(launch.pixel + launch.index)) if rfilter == "box" else taken
 
     film = mi.load_dict({"type": "hdrfilm", "width": 3, "height": 2, "rfilter": {"type": rfilter}})
@@ -156,11 +160,13 @@ def test_parts_of_a_pilot_are_means_of_their_samples(rfilter: str, monkeypatch: 
     # With a filter, each sample counts in several pixels, and each of these needs later ones.
     assert (budget, least, footprint) == ((16, 8, 0) if rfilter == "box" else (16, 16, 2))
     expected = pixel + 10 * (2 * np.arange(4)[:, None, None] + 0.5)  # two samples in each part
-    np.testing.assert_allclose(values.numpy(), [c * expected for c in (1, 2, 3)], rtol=1e-6)
-    np.testing.assert_allclose(difference.numpy(), [-expected] * 3, rtol=1e-6)
+    behind = 0 if alpha is None else (1 - alpha) * 0.25
+    np.testing.assert_allclose(values.numpy(), [c * expected + behind for c in (1, 2, 3)], rtol=1e-6)
+    np.testing.assert_allclose(difference.numpy(), [c * expected for c in (-1, 1, 2)], rtol=1e-6)
     if rfilter == "box":
         image = pilot.image(np.full((2, 3), 0.5, dtype=np.float32))
-        np.testing.assert_allclose(image[..., 0], 0.5 * expected.mean(axis=0), rtol=1e-5)
+        for channel, factor in enumerate((0.5, 2.5, 4)):
+            np.testing.assert_allclose(image[..., channel], factor * expected.mean(axis=0), rtol=1e-5)
         np.testing.assert_allclose(image[..., -1], 1, rtol=1e-5)
 
 
