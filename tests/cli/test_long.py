@@ -16,7 +16,7 @@ from tests.helpers import PATIENCE
 
 PICTURE = ("demo", "--size", "64x48", "--direct", "--spp", "768", "--float32")
 """Several launches; seconds."""
-ENDLESS = ("demo", "--size", "64x48", "--direct", "--time", "1d")
+ENDLESS = ("demo", "--size", "64x48", "--direct", "--time", "10m")
 
 
 def start(folder: Path, *words: str) -> subprocess.Popen[str]:
