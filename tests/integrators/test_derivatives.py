@@ -162,3 +162,34 @@ def test_what_moves_in_another_scene_leaves_no_trace(ours: dict[str, Any]) -> No
     np.testing.assert_allclose(backward(), alone, rtol=1e-4, atol=1e-5)
     assert dr.grad(t)[0] == 0
     forget(moving, "box.vertex_positions", moving["box.vertex_positions"])
+
+
+def test_the_indices_of_metals_have_derivatives() -> None:
+    """They have the name of what decides which rays pass glass."""
+    from stratalux.integrators.derivatives import refuse_transmission  # of the active variant
+
+    description = scene_dict("roughconductor")
+    description["box"]["bsdf"] = {"type": "mask", "opacity": 0.5, "inside": {"type": "diffuse"}}
+    of = mi.load_dict(description)
+    params = mi.traverse(of)
+    key = "ball.bsdf.eta.value"
+    value = mi.Color3f(params[key])
+    dr.enable_grad(params[key])
+    try:
+        refuse_transmission(of)
+    finally:
+        forget(params, key, value)
+
+
+def test_parameters_that_are_not_set_are_passed_over() -> None:
+    from stratalux.integrators.derivatives import parameters
+
+    hair = mi.load_dict({"type": "hair"})
+    params, known = mi.traverse(hair), []
+    for name in params.keys():  # noqa: SIM118
+        try:
+            params[name]
+        except TypeError:
+            continue
+        known.append(name)
+    assert [name for name, _ in parameters(hair)] == known and len(known) < len(list(params.keys()))

@@ -151,3 +151,35 @@ def test_light_ends_where_layers_have_no_end(layers: int) -> None:
         assert 0 < 1.1 * direct < whole
     else:
         assert [direct, whole] == pytest.approx([0, 0], abs=1e-3)  # but for the rounding of a variate
+
+
+def test_what_is_added_to_direct_light() -> None:
+    """Channel by channel, wherever there are samples of it at all; alpha and weights stay."""
+    from stratalux.integrators.indirect.image import added  # of the active variant
+
+    direct = np.array([[[1, 0, 2, 0.5, 1], [0, 0, 0, 0, 1], [0, 0, 0, 0, 0]]], dtype=np.float32)
+    rest = np.tile(np.float32([3, 4, 5, 0, 1]), (1, 3, 1))
+    expected = [[[4, 4, 7, 0.5, 1], [3, 4, 5, 0, 1], [0, 0, 0, 0, 0]]]
+    np.testing.assert_array_equal(added(direct, rest), expected)
+    assert direct[0, 0, 0] == 1
+
+
+def test_masks_in_samples_that_others_ask_for() -> None:
+    """A ball of leaves in a world of 1 is as bright as one knows."""
+    a, opacity = 0.8, 0.6
+    matte = {"type": "twosided", "of": {"type": "diffuse", "reflectance": a}}
+    leaf = {"type": "mask", "opacity": opacity, "inside": matte}
+    description = {
+        **scene_dict("diffuse", np.ones((8, 16, 3), dtype=np.float32), size=(6, 4)),
+        "ball": {"type": "sphere", "flip_normals": True, "bsdf": leaf},
+    }
+    del description["box"], description["floor"]
+    description["sky"]["scale"] = 1.0
+    of, lanes = mi.load_dict(description), 1 << 17
+    sampler = mi.load_dict({"type": "independent", "sample_count": 1})
+    sampler.seed(3, lanes)
+    ray = dr.zeros(mi.RayDifferential3f, lanes)
+    ray.o, ray.d, ray.maxt = mi.Point3f(0.2, 0.1, 0), mi.warp.square_to_uniform_sphere(sampler.next_2d()), dr.inf
+    L, _, _ = mi.load_dict({"type": "path_stratified", "max_depth": 5}).sample(of, sampler, ray)
+    expected = (1 - opacity) * ((opacity * a) ** np.arange(5)).sum()
+    assert L.numpy().mean() == pytest.approx(expected, rel=0.01)

@@ -110,3 +110,29 @@ def test_alpha_knows_nothing_of_the_variate(spp: int) -> None:
     description["sensor"]["film"]["pixel_format"] = "rgba"
     alpha = mi.render(mi.load_dict(description), integrator=mi.load_dict(OURS), spp=spp).numpy()[..., 3]
     assert alpha.min() >= 0 and alpha.max() == pytest.approx(1, abs=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["perspective", "thinlens"])
+def test_camera_samples_are_spread_over_pixels_lens_and_shutter(kind: str) -> None:
+    from stratalux.integrators.automatic.launch import Launch, camera_samples  # of the active variant
+
+    moving = {"type": kind, "shutter_open": 2.0, "shutter_close": 6.0}
+    lens = {"aperture_radius": 0.5, "focus_distance": 3.0} if kind == "thinlens" else {}
+    film = {"type": "hdrfilm", "width": 3, "height": 2}
+    sensor = mi.load_dict({**moving, **lens, "film": film})
+    pixel = np.repeat(np.arange(6, dtype=np.uint32), 256)
+    index = np.tile(np.arange(256, dtype=np.uint32), 6)
+    launch = Launch(mi.UInt32(pixel), mi.UInt32(index), mi.UInt32(1), mi.Float(0), None, None, None, None)
+    _, ray, importance, place = camera_samples(sensor, mi.UInt32(3), mi.Vector2f(3, 2), launch)
+    x, y = place.numpy() - [pixel % 3, pixel // 3]
+    time = (np.broadcast_to(ray.time.numpy(), pixel.shape) - 2) / 4
+    parts = [x, y, time]
+    if lens:
+        o = sensor.world_transform().inverse() @ ray.o
+        r, φ = np.hypot(o.x.numpy(), o.y.numpy()) / 0.5, np.arctan2(o.y.numpy(), o.x.numpy())
+        parts += [r**2, np.mod(φ / (2 * np.pi), 1)]
+        np.testing.assert_allclose(importance.numpy(), 1)
+    for part in parts:
+        for k in range(6):  # evenly in each pixel, but for what 256 points cannot tell
+            even = (np.arange(256) + 0.5) / 256
+            np.testing.assert_allclose(np.sort(part[pixel == k]), even, atol=0.05)
