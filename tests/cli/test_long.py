@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import mitsuba as mi
@@ -58,7 +59,7 @@ def test_killed_and_gone_on_with_it_is_the_same_picture(tmp_path: Path) -> None:
         with start(tmp_path, *PICTURE, *keeping, *resume) as process:
             wait_for(kept, process)
             while resume and process.poll() is None and kept.stat().st_mtime_ns == before:
-                pass
+                time.sleep(0.01)  # until it is another file
             process.send_signal(signal.SIGKILL)
         assert not (tmp_path / "killed.exr").exists()
     code, said = run(tmp_path, *PICTURE, "--resume", kept.name, "-o", "killed.exr")
