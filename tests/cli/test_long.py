@@ -22,7 +22,14 @@ ENDLESS = ("demo", "--size", "64x48", "--direct", "--time", "10m")
 
 def start(folder: Path, *words: str) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "stratalux", "render", *words]
-    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen(command, cwd=folder, text=True, preexec_fn=heed_signals, **pipes)  # noqa: PLW1509
+
+
+def heed_signals() -> None:
+    """Those that whoever runs the tests ignores, too, as nohup does."""
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        signal.signal(getattr(signal, name), signal.SIG_DFL)
 
 
 def run(folder: Path, *words: str) -> tuple[int, str]:

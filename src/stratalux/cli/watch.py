@@ -95,7 +95,7 @@ def watch(
             task = progress.add_task("loading", total=1.0, spp="", rate="")
             passes = start()
             for number in _SIGNALS:
-                if previous[number] is not signal.SIG_IGN:  # as of nohup
+                if number != getattr(signal, "SIGHUP", None) or previous[number] is not signal.SIG_IGN:  # as by nohup
                     signal.signal(number, stop)
             progress.update(task, description="rendering")
             for result in passes:
