@@ -304,7 +304,7 @@ class Assets:
             return None
         folder, main = found
         asset = self[name]
-        same = main == asset.file and all(_sha256(folder / file.file) == file.sha256 for file in asset.files)
+        same = main == asset.file and all(sha256_of(folder / file.file) == file.sha256 for file in asset.files)
         return Found(folder / main, same)
 
     def require(self, name: str) -> Path:
@@ -331,7 +331,7 @@ class Assets:
             return found.path
         for file in asset.files:
             path = self._destination / file.file
-            if self.folder is not None and path.exists() and _sha256(path) != file.sha256:
+            if self.folder is not None and path.exists() and sha256_of(path) != file.sha256:
                 raise InputError(f"{path}: is another file than the one to fetch; move it away")
             _download(file, path, progress)
         return self._destination / asset.file
@@ -358,7 +358,8 @@ def _beside_checkout() -> Path | None:
     return root.parent / "shared" / "assets" if (root / "pyproject.toml").is_file() else None
 
 
-def _sha256(path: Path) -> str:
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file's content. Raises :class:`InputError` if it cannot be read."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:

@@ -28,6 +28,7 @@ from ..caches import cache_folder
 from ..errors import CacheWarning, InputError
 from ..images.files import write_atomically
 from ..images.metrics import RELATIVE_EPSILON, Mask
+from ..rendering.identity import add_parameters
 from ..rendering.passes import RenderResult, render
 
 ESTIMATORS: tuple[dict[str, Any], ...] = (
@@ -189,11 +190,7 @@ def reference_key(scene: mi.Scene, estimator: dict[str, Any], spp: int, sensor: 
     settings = [_FORMAT, mi.__version__, mi.variant(), estimator, spp, PASSES, SEED, sensor]
     digest.update(json.dumps(settings, sort_keys=True).encode())
     digest.update(_PROVISIONAL.sub("", f"{scene}{scene.sensors()[sensor]}").encode())
-    parameters = mi.traverse(scene)
-    for name in sorted(parameters.keys()):
-        content = _bytes(parameters[name])
-        digest.update(f"\n{name} {len(content)} ".encode())
-        digest.update(content)
+    add_parameters(digest, scene)
     return digest.hexdigest()
 
 
@@ -210,16 +207,6 @@ def pixels(result: RenderResult) -> NDArray[np.float64]:
         limit = float(np.finfo(np.float16).max)
         return np.clip(image.astype(np.float64), -limit, limit)
     return image.astype(np.float64)
-
-
-def _bytes(value: Any) -> bytes:
-    """The content of a parameter of any type: Dr.Jit's arrays, transforms, and plain numbers."""
-    if hasattr(type(value), "matrix"):  # of the value itself, it would be a swizzle of a vector's components
-        value = value.matrix
-    if not hasattr(value, "numpy"):
-        return repr(value).encode()
-    array = value.numpy()
-    return f"{array.dtype}{array.shape}".encode() + array.tobytes()
 
 
 def _path(key: str, cache: Path | None) -> Path:

@@ -15,11 +15,12 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
+from ..assets import sha256_of
 from ..errors import InputError
 from ..images.files import write_atomically
 from ..integrators.sums import Memory
+from .identity import add_parameters, differences
 from .settings import PictureSettings
 
 _ABOUT = "about"
@@ -66,7 +67,8 @@ class Checkpoint:
 
     def check(self, identity: Mapping[str, Any]) -> None:
         """Raise :class:`InputError` that says what differs if the picture is another one."""
-        differing = list(_differences(self.identity, identity))
+        now = json.loads(json.dumps(identity))  # with lists for tuples, as the file has them
+        differing = [_said(*one) for one in differences(json.loads(json.dumps(self.identity)), now)]
         if differing:
             raise InputError(f"{self.name}: belongs to another picture: {'; '.join(differing)}")
 
@@ -93,43 +95,21 @@ def identity_of(scene: mi.Scene, picture: PictureSettings) -> dict[str, Any]:
 
 
 def _digest(scene: mi.Scene, wanted: Callable[[str], bool]) -> str:
-    """A hash of the parameters of a scene whose names are ``wanted``."""
     digest = hashlib.sha256()
-    params = mi.traverse(scene)
-    for name in sorted(filter(wanted, params.keys())):
-        value = params[name]
-        digest.update(f"{name} {type(value).__name__}".encode())
-        if dr.is_array_v(value):
-            array: NDArray[Any] = np.ascontiguousarray(dr.detach(value).numpy())
-            digest.update(str(array.shape).encode())
-            digest.update(array.data if array.size else b"")
-        else:
-            digest.update(str(value).encode())
+    add_parameters(digest, scene, wanted)
     return digest.hexdigest()
 
 
 def _file(picture: PictureSettings) -> str:
     """A hash of the scene's file: not all that a model has are parameters of Mitsuba's objects."""
     source = None if picture.scene is None else Path(picture.scene.source)
-    if source is None or not source.is_file():
-        return ""
-    digest = hashlib.sha256()
-    with open(source, "rb") as file:
-        while block := file.read(1 << 24):
-            digest.update(block)
-    return digest.hexdigest()
+    return "" if source is None or not source.is_file() else sha256_of(source)
 
 
-def _differences(before: Any, now: Any, name: str = "") -> Iterator[str]:
-    """Where two contents of JSON differ."""
-    if isinstance(before, Mapping) and isinstance(now, Mapping):
-        for key in sorted({*before, *now}):
-            yield from _differences(before.get(key), now.get(key), key)
-    elif json.loads(json.dumps(before)) != json.loads(json.dumps(now)):
-        if name in ("map", "scene", "file"):
-            yield f"the {name} is another one"
-        else:
-            yield f"{name} was {json.dumps(before)} and is {json.dumps(now)}"
+def _said(name: str, before: Any, now: Any) -> str:
+    if name in ("map", "scene", "file"):
+        return f"the {name} is another one"
+    return f"{name} was {json.dumps(before)} and is {json.dumps(now)}"
 
 
 def _flat(memory: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..images.reader import Reader
 from ..images.reading import check_size, default_memory, on_one_line
+from .identity import differences
 from .settings import METADATA, SAMPLES, PictureSettings
 
 _ITS_OWN = ("seed", "spp", "time", "target_error")
@@ -91,19 +92,18 @@ def _read(path: Path, reader: Reader) -> _One:
 
 def _check(first: _One, other: _One) -> None:
     """Raise :class:`InputError` unless both are the same picture but for their samples."""
-    contents = []
-    for one in (first, other):
-        content = one.picture.to_json()
-        for name in _ITS_OWN:
-            content["sampling"].pop(name)
-        for name in ("output", "machine"):
-            content.pop(name)
-        contents.append({**content, "image": {"size": one.pixels.shape[:2], "channels": one.channels}})
     differing = [
-        f"{name} is {theirs[name]!r} and not {ours[name]!r}"
-        for ours, theirs in zip(contents[0].values(), contents[1].values(), strict=True)
-        for name in ours
-        if ours[name] != theirs[name]
+        f"{name} is {theirs!r} and not {ours!r}" for name, ours, theirs in differences(_content(first), _content(other))
     ]
     if differing:
         raise InputError(f"{other.path}: is another picture than {first.path}: {'; '.join(differing)}")
+
+
+def _content(one: _One) -> dict[str, Any]:
+    """What all images have to have in common."""
+    content = one.picture.to_json()
+    for name in _ITS_OWN:
+        content["sampling"].pop(name)
+    for name in ("output", "machine"):
+        content.pop(name)
+    return {**content, "image": {"shape": one.pixels.shape[:2], "channels": one.channels}}

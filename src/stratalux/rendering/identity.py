@@ -1,0 +1,44 @@
+"""What a scene is, as a hash, and where two settings differ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Protocol
+
+import drjit as dr
+import mitsuba as mi
+
+
+class Digest(Protocol):
+    """A hash that is fed, as :mod:`hashlib` has them."""
+
+    def update(self, data: bytes, /) -> None: ...
+
+
+def add_parameters(digest: Digest, scene: mi.Scene, wanted: Callable[[str], bool] = lambda name: True) -> None:
+    """Feed ``digest`` with the parameters of a loaded scene whose names are ``wanted``: meshes, textures, the map, the
+    camera, the film's size."""
+    parameters = mi.traverse(scene)
+    for name in sorted(filter(wanted, parameters.keys())):
+        content = _bytes(parameters[name])
+        digest.update(f"\n{name} {len(content)} ".encode())
+        digest.update(content)
+
+
+def _bytes(value: Any) -> bytes:
+    """The content of a parameter of any type: Dr.Jit's arrays, transforms, and plain numbers."""
+    if hasattr(type(value), "matrix"):  # of the value itself, it would be a swizzle of a vector's components
+        value = value.matrix
+    if not hasattr(value, "numpy"):
+        return repr(value).encode()
+    array = dr.detach(value).numpy()
+    return f"{array.dtype}{array.shape}".encode() + array.tobytes()
+
+
+def differences(one: Any, other: Any, name: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Where two contents of JSON differ: the name, and both values."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        for key in sorted({*one, *other}):
+            yield from differences(one.get(key), other.get(key), key)
+    elif one != other:
+        yield name, one, other
