@@ -7,7 +7,6 @@ from typing import Any
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
 from ..errors import InputError
 from ..sampling.points import mix
@@ -146,7 +145,7 @@ class PathStratified(Automatic):
         direct = super()._passes(scene, sensor, seed, few, parts[0])
         light = self.prepare(scene)
         assert light is not None
-        dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
+        dim = DIM * light.mean
         image = self._image_of(scene, sensor)
         seed = mix(mi.UInt32(seed) ^ 0x1B873593)
         dr.make_opaque(seed)

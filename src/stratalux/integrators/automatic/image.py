@@ -7,7 +7,6 @@ from typing import Any
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
 from ...sampling.points import mix
 from ...sampling.recording import one_at_a_time, step_by_step
@@ -120,11 +119,11 @@ class Automatic(AutomaticSample):
         # As neighbours' errors choose the number of a pixel's samples, they may share those of the map only where all
         # do, the pilot's and the later ones: with any such set fixed, pixels are independent.
         shared = launcher.light_samples(mix(~seed)) if view.at_once(spp) else None
-        dim = DIM * light.tables.energy / (4 * np.pi) * float(light.scale[0])
-        if few < spp and "first" not in memory:
-            view.counts = Visibility.nothing(view.width, view.height)
+        dim = DIM * light.mean
         if "first" not in memory:
-            pilot = Pilot(view, few, min(PARTS, few), shared, dim / DIM)
+            if few < spp:
+                view.counts = Visibility.nothing(view.width, view.height)
+            pilot = Pilot(view, few, min(PARTS, few), shared, light.mean)
             for rendered in pilot.passes(seed, dim):
                 if rendered < few:
                     yield pilot.image(0), rendered, None

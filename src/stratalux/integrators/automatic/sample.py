@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import drjit as dr
@@ -36,6 +37,11 @@ class AllocatedLight(MapLight[NestedTables]):
     def __init__(self, light: MapLight[NestedTables], allocation: Allocation) -> None:
         super().__init__(light.emitter, light.tables, light.to_world, light.scale, light.differentiated)
         self.allocation = allocation
+
+    @property
+    def mean(self) -> float:
+        """Luminance of the map, averaged over all directions, as it shines in the scene."""
+        return float(self.tables.energy / (4 * math.pi) * float(self.scale[0]))
 
     def arrays(self) -> tuple[Any, ...]:
         return *super().arrays(), *self.allocation.arrays()
