@@ -720,6 +720,14 @@ def test_a_few_samples_less_than_asked_for_are_no_interruption() -> None:
     from stratalux.cli.watch import watch
 
     done = SimpleNamespace(
-        spp=63, spp_total=64, camera_rays=1, shadow_rays=1, seconds=1.0, picture=None, error=None, enough=False
+        spp=63,
+        spp_total=64,
+        camera_rays=1,
+        shadow_rays=1,
+        seconds=1.0,
+        picture=None,
+        error=None,
+        enough=False,
+        share=63 / 64,
     )
     assert watch(lambda: iter([done]), None, quiet=True) == (done, 0)

@@ -100,7 +100,7 @@ def watch(
             progress.update(task, description="rendering")
             for result in passes:
                 rate = f"{(result.camera_rays + result.shadow_rays) / max(result.seconds, 1e-9) / 1e6:.1f} M rays/s"
-                progress.update(task, completed=share_done(result), spp=_said(result), rate=rate)
+                progress.update(task, completed=result.share, spp=_said(result), rate=rate)
                 if keeper is not None:
                     keeper.after(result)
                 if caught:
@@ -114,17 +114,6 @@ def watch(
     if result is not None and keeper is not None:
         keeper.end(result, complete)
     return result, 0 if complete else caught
-
-
-def share_done(result: RenderResult) -> float:
-    """Of all that was asked for, as far as it is known."""
-    shares = [result.spp / result.spp_total]
-    sampling = result.picture.sampling if result.picture else None
-    if sampling is not None and sampling.time is not None:
-        shares.append(result.total_seconds / sampling.time)
-    if sampling is not None and sampling.target_error is not None and result.error:
-        shares.append((sampling.target_error / result.error) ** 2)
-    return min(1.0, max(shares))
 
 
 def _said(result: RenderResult) -> str:

@@ -45,9 +45,10 @@ class Sums:
 
     def _compare(self) -> None:
         memory = self._memory
-        older, both = memory["older"], _grey(memory["total"])
-        before, now = older[..., 1].sum(), both[..., 1].sum()
+        older, total = memory["older"], memory["total"]
+        before, now = older[..., 1].sum(), total[..., -1].sum()
         if now > _TWICE * before:
+            both = _grey(total)
             one, other = (normalised(sums)[..., 0] for sums in (older, both - older))
             # As much as the mean of both differs from the truth, if they are independent and alike.
             share = before / now

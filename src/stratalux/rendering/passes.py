@@ -7,7 +7,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -76,7 +76,7 @@ class RenderResult:
     variant: str = ""
     checkpoint: Callable[[], Checkpoint] | None = None
 
-    @property
+    @cached_property
     def error(self) -> float | None:
         """Relative standard error of a pixel: the root of the mean square over the object, or over all that is no
         background, divided by the mean. It is an estimate, from two halves of the passes, and rather too large: see
@@ -91,15 +91,26 @@ class RenderResult:
         return float(np.sqrt(np.mean(np.square(self.noise[mask], dtype=np.float64)))) / mean if mean > 0 else None
 
     @property
+    def _shares(self) -> list[float]:
+        """Of the time and of the error that were asked for."""
+        shares: list[float] = []
+        if self.picture is not None:
+            sampling = self.picture.sampling
+            if sampling.time is not None:
+                shares.append(self.total_seconds / sampling.time)
+            if sampling.target_error is not None and self.error is not None:
+                shares.append((sampling.target_error / self.error) ** 2 if self.error else 1.0)
+        return shares
+
+    @property
     def enough(self) -> bool:
         """Whether it has taken as long, or is as good, as was asked for."""
-        if self.picture is None:
-            return False
-        sampling = self.picture.sampling
-        if sampling.time is not None and self.total_seconds >= sampling.time:
-            return True
-        error = self.error
-        return sampling.target_error is not None and error is not None and error <= sampling.target_error
+        return any(share >= 1 for share in self._shares)
+
+    @property
+    def share(self) -> float:
+        """Of all that was asked for, as far as it is known, from 0 to 1."""
+        return min(1.0, max(self.spp / self.spp_total, *self._shares, 0.0))
 
     @property
     def total_seconds(self) -> float:
