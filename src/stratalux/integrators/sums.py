@@ -14,7 +14,7 @@ Memory = dict[str, Any]
 
 _TWICE = 1.99
 """As much as before, nearly: numbers of samples are rounded."""
-UNLIMITED = 1 << 24
+UNLIMITED = 1 << 40
 """So many samples per pixel and more stand for as many as there is time for."""
 
 

@@ -21,7 +21,7 @@ SAMPLES = "stratalux:samples"
 """Under this name it has the samples per pixel, and the seeds after them."""
 
 LARGEST_SEED = (1 << 32) - 1
-MOST_SAMPLES = (1 << 24) - 1
+MOST_SAMPLES = 1 << 30
 MOST_SEGMENTS = 1 << 20
 USUAL_DEPTH = 8
 """Of paths, where nothing tells: what is reflected seven times."""

@@ -24,6 +24,8 @@ LAUNCH = 1 << 21
 """Camera samples of one launch, about: a second on two cores."""
 KNOWN = 128
 """Samples per pixel that a pilot is made for where their number is not known."""
+_PLENTY = 1 << 24
+"""As many as there will ever be, then."""
 FIRST = 8
 """Where there are several launches, the first is smaller by this factor: there is something to see soon."""
 
@@ -230,7 +232,7 @@ class Pilot:
         marks = view.look.marks if view.look else ()
         known = KNOWN if budget >= UNLIMITED else budget
         plan = plan_samples(pilot, difference, dim, max(known, least), least, footprint, marks, self._costs)
-        return plan if known == budget else replace(plan, counts=plan.counts * (budget // known))
+        return plan if known == budget else replace(plan, counts=plan.counts * (_PLENTY // known))
 
 
 def unsigned(numbers: NDArray[np.int64]) -> mi.UInt32:
