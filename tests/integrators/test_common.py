@@ -311,7 +311,7 @@ def test_what_is_not_given_is_as_mitsuba_has_it(properties: dict[str, int]) -> N
     same = np.array(mi.render(scene, integrator=integrator, sensor=0, seed=0, spp=4))
     np.testing.assert_allclose(image, same, rtol=1e-4, atol=1e-6)
     if not properties:
-        found, asked = ([spp for _, spp in passes] for passes in (
+        found, asked = ([spp for _, spp, _ in passes] for passes in (
             integrator.passes(scene, scene.sensors()[0]), integrator.passes(scene, scene.sensors()[0], 0, 4)
         ))  # fmt: skip
         assert found == asked and found[-1] == pytest.approx(4, abs=1)

@@ -43,7 +43,7 @@ def test_progress_goes_up_to_what_was_asked_for(room: int, monkeypatch: pytest.M
     monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", room)
     scene = mi.load_dict(scene_dict())
     integrator = mi.load_dict({"type": "path_stratified", "max_depth": 3})
-    numbers = [spp for _, spp in integrator.passes(scene, scene.sensors()[0], 0, 32)]
+    numbers = [spp for _, spp, _ in integrator.passes(scene, scene.sensors()[0], 0, 32)]
     assert numbers == sorted(set(numbers)) and numbers[0] > 0
     assert numbers[-1] == pytest.approx(32, rel=0.125)
 

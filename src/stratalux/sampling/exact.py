@@ -32,6 +32,7 @@ class ExactSums:
 
     def begin(self, *groups: Sequence[mi.Float]) -> None:
         """Numbers to come: each group shares a unit, by the largest of its numbers as they are here."""
+        dr.eval(groups)  # or what they come from would be computed again for each maximum, and for the sums
         for group in groups:
             largest = [dr.max(dr.select(dr.isfinite(value), dr.abs(value), 0)) for value in group]
             m = largest[0]
