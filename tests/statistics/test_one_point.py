@@ -5,7 +5,8 @@ Many estimates of one number show smaller errors than a picture, in less time.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import gc
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
@@ -47,6 +48,15 @@ def loaded(sky: bool = True, **things: dict[str, Any]) -> mi.Scene:
         turned = T().rotate([0, 1, 0], 37).rotate([1, 0, 0], -28)
         described["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(hall_map()), "scale": 0.5, "to_world": turned}
     return mi.load_dict(described)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def let_go() -> Iterator[None]:
+    """Dr.Jit traces all BSDFs that live along with those of later pictures."""
+    yield
+    material.cache_clear()
+    of_map.cache_clear()
+    gc.collect()
 
 
 @cache
