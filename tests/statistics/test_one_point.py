@@ -55,7 +55,6 @@ def let_go() -> Iterator[None]:
     """Dr.Jit traces all BSDFs that live along with those of later pictures."""
     yield
     material.cache_clear()
-    of_map.cache_clear()
     gc.collect()
 
 
