@@ -94,6 +94,7 @@ def commands(text: str) -> list[list[str]]:
 
 
 def test_the_three_ways_to_use_it(network: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stratalux.scenes.load.USUAL_SIZE", (60, 40))
     said: dict[str, Any] = {}
     for language, text in blocks("Three ways to use it"):
         if language == "python":

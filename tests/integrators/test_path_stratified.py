@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from stratalux import InputError, render
 from stratalux.integrators.straight import LAYERS
 from stratalux.integrators.techniques import parse_technique
-from stratalux.rendering.passes import technique_of
+from stratalux.rendering.ready import technique_of
 from stratalux.rendering.settings import SamplingSettings
 from tests.helpers import scene_dict
 from tests.variants import MONO, RGB

@@ -160,7 +160,8 @@ def _passes(picture: PictureSettings, paths: list[Path], resume: str | None, ver
     """The passes of a picture, whose scene is loaded; a bad name is told before that."""
     import mitsuba as mi
 
-    from ..rendering.passes import activate, render_passes, technique_of
+    from ..rendering.passes import activate, render_passes
+    from ..rendering.ready import technique_of
 
     activate(picture.machine)
     mi.set_log_level(mi.LogLevel.Info if verbose else mi.LogLevel.Error)

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
-import drjit as dr
 import mitsuba as mi
 
 from ..errors import InputError
 from ..sampling.points import mix
-from .automatic.image import Automatic
+from .automatic.image import Automatic, opaque_seed
 from .automatic.lobes import DIM, MOST_RAYS
 from .automatic.nested_strata import PixelPoints
 from .automatic.sample import AllocatedLight, AutomaticSample
-from .automatic.view import Noise
-from .indirect.image import Indirect, IndirectImage, added
+from .automatic.stages import TwoStages
+from .automatic.view import View
+from .indirect.image import Indirect, added, pilot_paths
+from .indirect.launch import PathLauncher
 from .indirect.paths import Paths
+from .launches import Maker, of_part
 from .other_emitters import OtherEmitters
 from .sight import Sight
-from .sums import UNLIMITED, Memory, Pixels, added_noise
+from .sums import UNLIMITED, Memory, Noise, Pixels, added_noise
 from .techniques import Property, Technique, properties_from
 
 PATH = Technique(
@@ -44,6 +47,11 @@ _FEWER, _MORE = 2, 2
 """Camera samples of direct light are so many times fewer than those asked for, and paths so many times more: with all
 their strata, samples of direct light cost as much and have much smaller errors."""
 _NO_DERIVATIVES = "path_stratified: has no derivatives; use Mitsuba's 'prb', or 'direct_stratified' for direct light"
+
+
+def _shared_out(spp: int) -> tuple[int, int]:
+    """Samples of direct light, and paths."""
+    return (spp, spp) if spp >= UNLIMITED else (max(1, spp // _FEWER), spp * _MORE)
 
 
 def _paths_of(props: mi.Properties) -> Paths:
@@ -99,7 +107,6 @@ class PathStratified(Automatic):
         self._paths = _paths_of(props)
         self._plain: PathSample = PathSample(props)
         self._plain._cache = self._cache
-        self._image: IndirectImage | None = None
 
     def sample(
         self,
@@ -131,28 +138,18 @@ class PathStratified(Automatic):
         raise InputError(_NO_DERIVATIVES)
 
     def _passes(
-        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int, memory: Memory
+        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int, memory: Memory, make: Maker
     ) -> Iterator[tuple[Pixels, float, Noise]]:
-        spp = spp or sensor.sampler().sample_count()
         if not self._paths.any:
-            yield from super()._passes(scene, sensor, seed, spp, memory)
+            yield from super()._passes(scene, sensor, seed, spp, memory, make)
             return
-        few, many = max(1, spp // _FEWER), spp * _MORE
-        of_direct, of_paths = spp / few, spp / many  # Samples per pixel that each one stands for
-        if spp >= UNLIMITED:
-            few = many = spp
-        parts = [memory.setdefault(name, {}) for name in ("direct", "paths")]
-        direct = super()._passes(scene, sensor, seed, few, parts[0])
-        light = self.prepare(scene)
-        assert light is not None
-        dim = DIM * light.mean
-        image = self._image_of(scene, sensor)
-        seed = mix(mi.UInt32(seed) ^ 0x1B873593)
-        dr.make_opaque(seed)
+        spp = spp or sensor.sampler().sample_count()
+        parts = self._parts(scene, sensor, seed, spp, memory)
+        direct, paths = (parts[name].passes(of_part(make, name)) for name in ("direct", "paths"))
+        few, many = _shared_out(spp)
+        of_direct, of_paths = (1, 1) if spp >= UNLIMITED else (spp / few, spp / many)  # What each one stands for
         first, done, noise = next(direct)
-        if "before" not in memory:
-            memory["before"] = first
-        paths = image.passes(light, memory["before"], dim, seed, many, parts[1])
+        memory.setdefault("before", first)
         rest, rendered, other = next(paths)
         while True:
             yield added(first, rest), (done * of_direct + rendered * of_paths) / 2, added_noise(noise, other)
@@ -168,10 +165,23 @@ class PathStratified(Automatic):
             else:
                 return
 
-    def _image_of(self, scene: mi.Scene, sensor: mi.Sensor) -> IndirectImage:
-        if self._image is None or self._image.scene is not scene or self._image.sensor is not sensor:
-            self._image = IndirectImage(Indirect(self, self._paths), scene, sensor)
-        return self._image
+    def _parts(
+        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int, memory: Memory
+    ) -> dict[str, TwoStages]:
+        if not self._paths.any:
+            return super()._parts(scene, sensor, seed, spp, memory)
+        few, many = _shared_out(spp)
+        parts = super()._parts(scene, sensor, seed, few, memory)
+        light = self._begin(scene, sensor)
+        launcher = self._launcher(
+            "paths", scene, sensor, partial(PathLauncher, Indirect(self, self._paths), self._paths)
+        )
+        launcher.begin(light)
+        view, seed = View(launcher, None), opaque_seed(mix(mi.UInt32(seed) ^ 0x1B873593))
+        pilot = pilot_paths(many, view.film.rfilter().is_box_filter())
+        own, dim = memory.setdefault("paths", {}), DIM * light.mean
+        paths = TwoStages(view, pilot, many, seed, dim, own, beside=lambda: memory["before"])
+        return {**parts, "paths": paths}
 
     def to_string(self) -> str:
         return f"PathStratified[max_depth = {self._paths.max_depth}, rr_depth = {self._paths.rr_depth}]"

@@ -14,6 +14,8 @@ Memory = dict[str, Any]
 
 _TWICE = 1.99
 """As much as before, nearly: numbers of samples are rounded."""
+Noise = NDArray[np.float32] | None
+"""See :meth:`Sums.noise`."""
 UNLIMITED = 1 << 40
 """So many samples per pixel and more stand for as many as there is time for."""
 
@@ -32,8 +34,11 @@ class Sums:
         """How many there were."""
         return int(self._memory.get("launches", 0))
 
-    def add(self, raw: NDArray[np.floating[Any]]) -> None:
-        """A launch more: (H, W, C), the last channel is the weight, by which the others are multiplied."""
+    def add(self, raw: NDArray[Any], launches: int | None = None) -> None:
+        """A launch more: (H, W, C), the last channel is the weight, by which the others are multiplied.
+
+        Or the sum of several, after which there are so many ``launches``.
+        """
         memory = self._memory
         if self.launches == 0:
             memory["total"] = raw.astype(np.float64)
@@ -41,7 +46,7 @@ class Sums:
         else:
             memory["total"] += raw
             self._compare()
-        memory["launches"] = self.launches + 1
+        memory["launches"] = self.launches + 1 if launches is None else launches
 
     def _compare(self) -> None:
         memory = self._memory
@@ -64,7 +69,7 @@ class Sums:
         """The mean of all; every pixel has the weight 1 where it has any."""
         return normalised(self.raw())
 
-    def noise(self) -> NDArray[np.float32] | None:
+    def noise(self) -> Noise:
         """How far, about, each pixel (H, W) is from the truth, the mean of the colours, in the sense of its square.
 
         It is rather too large for strata, as their error falls faster than that of independent samples. None if there
@@ -87,6 +92,6 @@ def normalised(sums: NDArray[Any]) -> Pixels:
     return np.divide(sums, weight, out=np.zeros_like(sums), where=weight != 0).astype(np.float32)
 
 
-def added_noise(a: NDArray[np.float32] | None, b: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
+def added_noise(a: Noise, b: Noise) -> Noise:
     """That of the sum of two pictures; None if one of them is not known."""
     return None if a is None or b is None else a + b

@@ -24,7 +24,7 @@ from .identity import add_parameters, differences
 from .settings import PictureSettings
 
 _ABOUT = "about"
-_FREE = {"sampling": ("time", "target_error"), "output": None, "machine": ("max_memory",)}
+_FREE = {"sampling": ("time", "target_error"), "output": None, "machine": ("max_memory", "cluster")}
 """Settings that may be others when a picture goes on."""
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import time
-import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from importlib.metadata import version
@@ -17,29 +18,29 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, SceneWarning
+from ..errors import InputError
 from ..images.files import is_picture
 from ..images.settings import OutputSettings
 from ..images.writing import automatic_exposure, write_image
 from ..integrators.accelerate import description_of
-from ..integrators.sums import UNLIMITED, Memory
-from ..integrators.techniques import Technique, Value, parse_technique
+from ..integrators.launches import Maker, here
+from ..integrators.sums import Memory
+from ..integrators.techniques import Value
 from ..scenes.camera import own_camera
 from ..scenes.load import Loaded, load
-from ..scenes.mitsuba_xml import DIRECT, dark_behind
+from ..scenes.sources import sources
 from ..scenes.surroundings import object_pixels
 from ..settings import documented
 from .checkpoint import Checkpoint, identity_of
+from .ready import ready
 from .settings import (
     GROUPS,
     METADATA,
     SAMPLES,
-    USUAL_DEPTH,
     MachineSettings,
     PictureSettings,
-    SamplingSettings,
 )
-from .steps import steps
+from .steps import Step
 from .variants import choose_variant, why_not
 
 
@@ -204,10 +205,11 @@ def render_passes(
     shown = picture.scene
     if shown is None:
         loaded = Loaded(scene, _described(scene), own_camera(picture.camera, scene))
-        return _render_passes(loaded, picture, integrator, resume)
+        return _render_passes(loaded, (), picture, integrator, resume)
     picture = replace(picture, machine=activate(picture.machine))
-    loaded = load(shown, picture.camera, picture.machine.max_memory)
-    return _render_passes(loaded, picture, integrator, resume)
+    with sources() as files:
+        loaded = load(shown, picture.camera, picture.machine.max_memory)
+    return _render_passes(loaded, files, picture, integrator, resume)
 
 
 def _described(scene: Any) -> dict[str, Any] | None:
@@ -229,36 +231,15 @@ def activate(machine: MachineSettings) -> MachineSettings:
 
 
 def _render_passes(
-    loaded: Loaded, picture: PictureSettings, integrator: mi.Integrator | None, resume: Checkpoint | None
+    loaded: Loaded,
+    files: Iterable[Path],
+    picture: PictureSettings,
+    integrator: mi.Integrator | None,
+    resume: Checkpoint | None,
 ) -> Iterator[RenderResult]:
-    scene = loaded.scene
-    if loaded.integrator and loaded.integrator.get("hide_emitters"):
-        picture = replace(picture, sampling=replace(picture.sampling, hide_emitters=True))
-    if mi.variant() is None or mi.variant().startswith("scalar"):
-        raise InputError(
-            f"variant {mi.variant()}: rendering needs a vectorised one; mitsuba.set_variant('llvm_ad_rgb')"
-        )
-    camera = scene.sensors()[loaded.camera]
-    sampling = picture.sampling
-    about: dict[str, Value] = {}
-    rays_per_sample = 2
-    own = integrator is not None
-    if integrator is None:
-        integrator, about, rays_per_sample = _integrator(sampling, loaded)
-    film = camera.film()
-    spp = sampling.spp
-    if spp == 0:
-        limited = sampling.time is not None or sampling.target_error is not None
-        spp = UNLIMITED if limited else camera.sampler().sample_count()
-    picture = replace(
-        picture, sampling=replace(sampling, spp=spp % UNLIMITED), machine=replace(picture.machine, variant=mi.variant())
-    )
-    start = time.perf_counter()
-    if hasattr(integrator, "prepare") and integrator.prepare(scene) is None:
-        rays_per_sample = 0
-    work = rays_per_sample * max(1, getattr(integrator, "proposals", 1) // 4)
-    preparation = time.perf_counter() - start
-
+    made = ready(loaded, picture, integrator)
+    scene, camera, picture, sampling = loaded.scene, made.camera, made.picture, made.picture.sampling
+    film, own = camera.film(), integrator is not None
     pixels = int(np.prod(film.crop_size()))
     seconds, compiling = 0.0, 0.0
     identity = None if own else cache(partial(identity_of, scene, picture))
@@ -269,89 +250,74 @@ def _render_passes(
         resume.check(identity())
         memory = resume.memory
     shows = cache(partial(object_pixels, scene, camera)) if loaded.measure else None
-    passes = steps(integrator, scene, camera, sampling.seed, spp, pixels * max(1, work), memory)
+    with _maker(files, picture, identity) as make:
+        for (total, done, noise), elapsed, compile_time in _timed(made.steps.all(memory, make)):
+            compiling += compile_time
+            seconds += elapsed - compile_time
+            result = RenderResult(
+                bitmap=_develop(film, total),
+                spp=round(done),
+                spp_total=made.spp,
+                seconds=seconds,
+                preparation_seconds=made.preparation_seconds,
+                compile_seconds=compiling,
+                camera_rays=round(pixels * done),
+                shadow_rays=round(pixels * done) * made.rays_per_sample,
+                settings={**made.about, "integrator": " ".join(str(made.integrator).split()), "seed": sampling.seed},
+                picture=None if own else picture,
+                measure=loaded.measure,
+                object_pixels=shows,
+                float32="component_format = float32" in str(film),  # it says so nowhere else
+                noise=noise,
+                variant=mi.variant(),
+                earlier_seconds=0.0 if resume is None else resume.seconds,
+            )
+            if identity is not None:
+                result.checkpoint = partial(_checkpoint, identity, memory, result.total_seconds)
+            yield result
+            if result.enough:
+                return
+
+
+def _timed(passes: Iterator[Step]) -> Iterator[tuple[Step, float, float]]:
+    """Each pass, the seconds that it took, and those of them that went into tracing and compiling."""
     while True:
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
             dr.kernel_history_clear()
             start = time.perf_counter()
-            total, done, noise = next(passes, (None, 0.0, None))
-            if total is None:
+            step = next(passes, None)
+            if step is None:
                 return
             dr.sync_thread()
             elapsed = time.perf_counter() - start
             history = dr.kernel_history()
-        compile_time = sum(kernel.get("codegen_time", 0) + kernel.get("backend_time", 0) for kernel in history) / 1000
-        compiling += compile_time
-        seconds += elapsed - compile_time
-        result = RenderResult(
-            bitmap=_develop(film, total),
-            spp=round(done),
-            spp_total=spp,
-            seconds=seconds,
-            preparation_seconds=preparation,
-            compile_seconds=compiling,
-            camera_rays=round(pixels * done),
-            shadow_rays=round(pixels * done) * rays_per_sample,
-            settings={**about, "integrator": " ".join(str(integrator).split()), "seed": sampling.seed},
-            picture=None if own else picture,
-            measure=loaded.measure,
-            object_pixels=shows,
-            float32="component_format = float32" in str(film),  # it says so nowhere else
-            noise=noise,
-            variant=mi.variant(),
-            earlier_seconds=0.0 if resume is None else resume.seconds,
-        )
-        if identity is not None:
-            result.checkpoint = partial(_checkpoint, identity, memory, result.total_seconds)
-        yield result
-        if result.enough:
-            return
+        compiling = sum(kernel.get("codegen_time", 0) + kernel.get("backend_time", 0) for kernel in history) / 1000
+        yield step, elapsed, compiling
+
+
+@contextmanager
+def _maker(
+    files: Iterable[Path], picture: PictureSettings, identity: Callable[[], dict[str, Any]] | None
+) -> Iterator[Maker]:
+    """Who makes the launches of a picture."""
+    where = picture.machine.cluster
+    if where is None:
+        yield here
+        return
+    if identity is None:
+        raise InputError("cluster: an integrator of a program's own is not there; leave one of them out")
+    if importlib.util.find_spec("distributed") is None:
+        raise InputError("cluster: rendering on many machines needs more packages: pip install 'stratalux[cluster]'")
+    from .cluster.client import cluster
+    from .cluster.job import Job
+
+    job = Job.of(picture, files, identity())
+    with cluster(where, mi.variant()) as workers:
+        yield workers.maker(job)
 
 
 def _checkpoint(identity: Callable[[], dict[str, Any]], memory: Memory, seconds: float) -> Checkpoint:
     return Checkpoint(identity(), memory, seconds)
-
-
-def _integrator(sampling: SamplingSettings, loaded: Loaded) -> tuple[mi.Integrator, dict[str, Value], int]:
-    """The integrator of a technique, its properties by name, and its shadow rays for a camera sample."""
-    technique, given = technique_of(sampling, loaded.integrator)
-    depth = int(given.get("max_depth", -1)) if "max_depth" in technique.properties else DIRECT
-    if names := dark_behind(loaded.scene, depth):
-        why = "direct light ends at the first surface" if depth == DIRECT else "it does not tell what it lets through"
-        warnings.warn(f"what is behind {', '.join(names)} is black: {why}", SceneWarning, stacklevel=2)
-    settings = {**technique.integrator(given), **loaded.properties, "hide_emitters": sampling.hide_emitters}
-    return (
-        mi.load_dict(settings),
-        {"technique": technique.name, **technique.settings(given)},
-        technique.shadow_rays(given),
-    )
-
-
-def technique_of(
-    sampling: SamplingSettings, own: Mapping[str, Any] | None = None
-) -> tuple[Technique, dict[str, Value]]:
-    """The technique that settings ask for, and its properties that are given; raises :class:`InputError`.
-
-    ``own``: the description of the scene's integrator, for what they leave open.
-    """
-    pinned = {key: n for key, n in (("strata", sampling.strata), ("proposals", sampling.proposals)) if n is not None}
-    own = own or {"type": "path", "max_depth": USUAL_DEPTH}
-    if sampling.technique is not None:
-        technique, given = parse_technique(sampling.technique)
-    elif sampling.direct or pinned or (own["type"] == "direct" and sampling.max_depth is None):
-        technique, given = parse_technique("stratified")
-    else:
-        technique, given = parse_technique("path-stratified")
-        given = {key: own[key] for key in technique.properties if key in own}
-    if sampling.direct and "max_depth" in technique.properties:
-        raise InputError(f"direct: {technique.name} is the whole light; leave one of them out")
-    if sampling.max_depth is not None and not (sampling.direct and sampling.max_depth == DIRECT):
-        if "max_depth" not in technique.properties:
-            raise InputError(f"max_depth: {technique.name} is direct light, of depth 2; leave one of them out")
-        given["max_depth"] = sampling.max_depth
-    given |= pinned
-    technique.settings(given)
-    return technique, given
 
 
 def _develop(film: mi.Film, raw: NDArray[np.floating[Any]]) -> mi.Bitmap:

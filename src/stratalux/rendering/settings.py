@@ -42,6 +42,13 @@ def _duration(value: Any) -> float:
     return seconds
 
 
+def _cluster(value: Any) -> str:
+    text = str(value)
+    if re.fullmatch(r"local:[1-9]\d{0,3}|[a-z]+://\S+", text):
+        return text
+    raise InputError(f"cluster: {text!r} is none; give the address of a scheduler, as tcp://HOST:8786, or local:N")
+
+
 def _parse_duration(text: str) -> float:
     match = re.fullmatch("".join(rf"(?:(\d+(?:\.\d+)?){unit})?" for unit in _UNITS), text)
     if re.fullmatch(r"\d+(\.\d*)?|\.\d+", text):
@@ -114,6 +121,12 @@ class MachineSettings(MemorySettings):
         "-m",
         "--variant",
         default_text="cuda_ad_rgb where it works, else llvm_ad_rgb",
+    )
+    cluster: str | None = option(
+        None,
+        "Render on a Dask cluster: the address of its scheduler, or local:N for N processes here.",
+        "--cluster",
+        kind=Kind("ADDRESS|local:N", _cluster, _cluster),
     )
 
 

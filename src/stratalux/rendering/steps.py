@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from ..integrators.launches import Arrays, Launch, Maker, grown, here, number_for
 from ..integrators.sums import UNLIMITED, Memory, Sums
 from .settings import LARGEST_SEED
 
@@ -18,48 +19,77 @@ FIRST = 8
 """Where there are several passes, the first is smaller by this factor: there is something to keep soon."""
 _SPREAD = 0x9E3779B1
 """Passes of one seed are not those of another one (Knuth's multiplicative hash of 32 bits)."""
+_ENDLESS = 1 << 40
+"""Passes, where there are as many as there is time for."""
+_PASSES = "passes"
+"""The stage of an integrator that does not know of stages."""
 
 Step = tuple[NDArray[np.floating[Any]], float, NDArray[np.float32] | None]
 """The raw image so far, its samples per pixel, and its noise (:meth:`~..integrators.sums.Sums.noise`)."""
 
 
-def steps(
-    integrator: mi.Integrator, scene: mi.Scene, camera: mi.Sensor, seed: int, spp: int, work: int, memory: Memory
-) -> Iterator[Step]:
-    """Pass by pass. ``work``: light samples for one per pixel. ``memory``: of what is done, and of nothing at first."""
-    if getattr(integrator, "automatic", False) and integrator.adapts_to(scene, camera):
-        yield from integrator.passes(scene, camera, seed, spp, memory)
-        return
-    sums = Sums(memory)
-    for k, count in enumerate(_pass_sizes(spp, work)):
-        if k >= sums.launches:
-            integrator.render(scene, camera, seed=_seed(seed, k), spp=count, develop=False, evaluate=True)
-            sums.add(np.array(camera.film().develop(raw=True)))
-            # Some samplers round up.
-            memory["done"] = memory.get("done", 0) + int(camera.sampler().sample_count())
-        elif k + 1 < sums.launches:
-            continue
-        yield sums.raw(), float(memory["done"]), sums.noise()
-    # What the last wavefront has left in the sampler would be handed to every kernel that is replayed from then on.
-    camera.sampler().seed(0, 1)
+class Steps:
+    """Those of a picture. ``work``: light samples for one per pixel."""
+
+    def __init__(
+        self, integrator: mi.Integrator, scene: mi.Scene, camera: mi.Sensor, seed: int, spp: int, work: int
+    ) -> None:
+        self._integrator, self._scene, self._camera, self._seed, self._spp = integrator, scene, camera, seed, spp
+        self._automatic = getattr(integrator, "automatic", False) and integrator.adapts_to(scene, camera)
+        self._sizes = PassSizes(spp, work)
+
+    def all(self, memory: Memory, make: Maker = here) -> Iterator[Step]:
+        """Pass by pass. ``memory``: of what is done, and of nothing at first. ``make``: who makes them."""
+        if self._automatic:
+            yield from self._integrator.passes(self._scene, self._camera, self._seed, self._spp, memory, make)
+            return
+        sums = Sums(memory)
+        if sums.launches:
+            yield sums.raw(), float(memory["done"]), sums.noise()
+        for done, found in make(_PASSES, {}, sums.launches, len(self._sizes), self._pass):
+            sums.add(found["raw"], done)
+            memory["done"] = memory.get("done", 0) + int(found["samples"])
+            yield sums.raw(), float(memory["done"]), sums.noise()
+        # What the last wavefront has left in the sampler would be handed to every kernel that is replayed from then on.
+        self._camera.sampler().seed(0, 1)
+
+    def launch(self, stage: str, known: Memory) -> Launch:
+        """That of a stage, for who makes launches elsewhere: see :class:`~..integrators.launches.Maker`."""
+        if stage == _PASSES:
+            return self._pass
+        made: Launch = self._integrator.launch(self._scene, self._camera, self._seed, self._spp, stage, known)
+        return made
+
+    def _pass(self, k: int) -> Arrays:
+        camera, seed = self._camera, self._seed if k == 0 else (self._seed * _SPREAD + k) & LARGEST_SEED
+        self._integrator.render(self._scene, camera, seed=seed, spp=self._sizes[k], develop=False, evaluate=True)
+        # Some samplers round up.
+        samples = np.array(camera.sampler().sample_count(), dtype=np.int64)
+        return {"raw": np.array(camera.film().develop(raw=True)).astype(np.float64), "samples": samples}
 
 
-def _seed(seed: int, k: int) -> int:
-    return seed if k == 0 else (seed * _SPREAD + k) & LARGEST_SEED
-
-
-def _pass_sizes(spp: int, samples_per_spp: int) -> Iterator[int]:
+class PassSizes:
     """Samples per pixel of each pass: powers of two, as the kernel is the same for all of those, and a rest.
 
     Where one pass does not do, the first are smaller and double.
     """
-    size = max(1, _SAMPLES_PER_PASS // samples_per_spp)
-    size = 1 << (size.bit_length() - 1)
-    if spp <= size:
-        yield spp
-        return
-    done, count = 0, max(1, size // FIRST)
-    while done < spp or spp >= UNLIMITED:
-        yield count
-        done += count
-        count = min(done, size, spp - done) if spp < UNLIMITED else min(done, size)
+
+    def __init__(self, spp: int, samples_per_spp: int) -> None:
+        size = max(1, _SAMPLES_PER_PASS // samples_per_spp)
+        size = 1 << (size.bit_length() - 1)
+        self._spp, self._times = spp, min(FIRST, size)
+        self._first = size // self._times
+
+    def __len__(self) -> int:
+        if self._spp >= UNLIMITED:
+            return _ENDLESS
+        much = -(-self._spp // self._first)
+        return 1 if much <= self._times else number_for(much, self._times)
+
+    def __getitem__(self, k: int) -> int:
+        if not 0 <= k < len(self):
+            raise IndexError(k)
+        if len(self) == 1:
+            return self._spp
+        before, after = (self._first * grown(passes, self._times) for passes in (k, k + 1))
+        return min(after, self._spp) - before

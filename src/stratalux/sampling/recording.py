@@ -20,6 +20,8 @@ _turn = threading.RLock()
 """Held by the thread that prepares or renders."""
 _users: WeakSet[threading.Thread] = WeakSet()
 """Those that have ever done so."""
+_only: threading.Thread | None = None
+"""The one that nobody else renders beside, if it has said so."""
 
 
 @contextmanager
@@ -74,9 +76,17 @@ def recorded(function: Function, **options: Any) -> Function:
     return call  # type: ignore[return-value]
 
 
+def nobody_else_renders() -> None:
+    """A promise of the thread that calls it: whatever other threads there are, they do not render."""
+    global _only
+    _only = threading.current_thread()
+
+
 def _alone() -> bool:
     """Whether no other thread seems to render: one that ever has, or any but the daemons of progress bars and such."""
     me = threading.current_thread()
+    if me is _only:
+        return all(thread is me or thread not in _users for thread in threading.enumerate())
     return all(thread is me or (thread.daemon and thread not in _users) for thread in threading.enumerate())
 
 

@@ -17,6 +17,7 @@ from ..images.repair import LIMIT
 from ..integrators.environment import image_emitter
 from ..maps.envmap import EnvironmentMap
 from ..maps.frames import ENV_FRAMES
+from ..maps.layouts.guess import face_files
 from ..settings import documented
 from .assembly import assembled
 from .camera import own_camera, sensor
@@ -25,6 +26,7 @@ from .lamps import dome_emitter
 from .mitsuba_xml import load_xml
 from .settings import CameraSettings, SceneSettings
 from .shapes import FORMATS, Object, load_object
+from .sources import source
 from .surroundings import GROUND, background, ground
 
 USUAL_SIZE = (600, 400)
@@ -76,7 +78,11 @@ class Loaded:
 def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = None) -> Loaded:
     """The same from settings, with what the file says that is no part of a scene; see :func:`load_scene`."""
     environment = shown.environment
+    if shown.source != "demo":
+        source(Path(shown.source))
     if isinstance(environment, str):
+        for file in (Path(environment), *face_files(Path(environment))):
+            source(file)
         environment = EnvironmentMap.load(environment, layout=shown.env_layout, max_memory=max_memory)
     emitter = None if environment is None else envmap(environment)
     path, size = Path(shown.source), camera.size or USUAL_SIZE

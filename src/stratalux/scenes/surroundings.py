@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 from typing import Any
 
 import drjit as dr
@@ -17,6 +18,7 @@ from ..images.repair import repair
 from ..integrators.environment import image_emitter
 from ..maps.blur import blurred
 from .settings import colour_of
+from .sources import source
 
 GROUND = "ground"
 """The id of the ground in a scene."""
@@ -57,7 +59,7 @@ def _blurred(scene: mi.Scene, degrees: float) -> Any:
 
 def _plate(path: str, size: tuple[int, int], max_memory: int | None) -> Any:
     """A picture over the film of that `size`; what is too wide or too high is cut off on both sides."""
-    image = read_image(path, max_memory)
+    image = read_image(source(Path(path)), max_memory)
     pixels, repaired = repair(image.pixels, image.largest, keep_negative=False)
     if repaired:
         warnings.warn(f"{path}: {repaired}", SceneWarning, stacklevel=4)

@@ -11,6 +11,7 @@ from xml.parsers import expat
 import mitsuba as mi
 
 from ..errors import InputError
+from .sources import source
 
 _DEEPEST = 200
 """Elements within elements: Mitsuba's parser calls itself for each, until the stack is full."""
@@ -57,6 +58,7 @@ def check_text(path: Path, parameters: dict[str, str], within: tuple[Path, ...] 
     try:
         with path.open("rb") as file:
             parser.ParseFile(file)
+        source(path)
     except expat.ExpatError:
         pass  # Mitsuba's own parser says where and why
     except OSError as error:
@@ -111,7 +113,9 @@ def check_objects(state: mi.parser.ParserState) -> None:
                 if not re.fullmatch(r"[^:]+:[^:]+", item.strip()):
                     raise InputError(f"{where}: '{item}' is no AOV; write name:type, for example depth:depth")
         if isinstance(name := _peek(props, "filename"), str):
-            _is_file(Path(str(mi.file_resolver().resolve(name))))
+            path = Path(str(mi.file_resolver().resolve(name)))
+            if _is_file(path):
+                source(path)
 
 
 def _peek(props: mi.Properties, name: str) -> object:

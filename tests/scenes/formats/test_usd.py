@@ -397,5 +397,5 @@ def test_a_stage_that_does_not_fit_into_memory_is_one_line(tmp_path: Path, monke
         raise MemoryError
 
     monkeypatch.setattr("stratalux.scenes.formats.usd.stage.read_stage", read)
-    kind, reason, told = process.answer(tmp_path / "a.usda")
+    kind, reason, told, _ = process.answer(tmp_path / "a.usda")
     assert (kind, told) == ("refused", []) and "its data do not fit into memory" in reason

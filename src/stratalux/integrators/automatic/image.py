@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
-from ...sampling.points import mix
 from ...sampling.recording import one_at_a_time, step_by_step
-from ..sums import Memory, Pixels
+from ..launches import Arrays, Maker, here, of_part
+from ..sums import Memory, Noise, Pixels
 from .launch import Launcher
 from .lobes import DIM
-from .sample import AutomaticSample
-from .view import Noise, Pilot, View, pilot_samples
-from .visibility import Visibility
+from .sample import AllocatedLight, AutomaticSample
+from .stages import TwoStages
+from .view import View, pilot_samples
 
 CAMERAS = ("PerspectiveCamera", "ThinLensCamera", "OrthographicCamera", "BatchSensor")
 """What has pixels that are neighbours of each other."""
-PARTS = 4
-"""Of a pilot, whose differences tell its error."""
 
 
 class Automatic(AutomaticSample):
@@ -36,7 +35,7 @@ class Automatic(AutomaticSample):
         super().__init__(props)
         self._plain = AutomaticSample(props)
         self._plain._cache = self._cache
-        self._launcher: Launcher | None = None
+        self._launchers: dict[str, Launcher] = {}
 
     @one_at_a_time
     def render(
@@ -92,56 +91,68 @@ class Automatic(AutomaticSample):
         seed: int | mi.UInt32 = 0,
         spp: int = 0,
         memory: Memory | None = None,
+        make: Maker = here,
     ) -> Iterator[tuple[Pixels, float, Noise]]:
         """Render launch by launch: the image so far, with the film's channels and weights, its samples per pixel, and
         its noise (:meth:`~..sums.Sums.noise`).
 
         ``spp``: :data:`~..sums.UNLIMITED` for as many as are asked for. ``memory``: begins empty, and is of all that is
-        done whenever there is an image; with a memory of the same picture it goes on from there. Only what
-        :meth:`adapts_to` can be rendered so.
+        done whenever there is an image; with a memory of the same picture it goes on from there. ``make``: who makes
+        the launches. Only what :meth:`adapts_to` can be rendered so.
         """
-        return step_by_step(self._passes(scene, sensor, seed, spp, {} if memory is None else memory))
+        return step_by_step(self._passes(scene, sensor, seed, spp, {} if memory is None else memory, make))
 
     def _passes(
-        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int, memory: Memory
+        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int, memory: Memory, make: Maker
     ) -> Iterator[tuple[Pixels, float, Noise]]:
-        spp = spp or sensor.sampler().sample_count()
+        (part,) = self._parts(scene, sensor, seed, spp or sensor.sampler().sample_count(), memory).items()
+        yield from part[1].passes(of_part(make, part[0]))
+
+    @one_at_a_time
+    def launch(
+        self, scene: mi.Scene, sensor: mi.Sensor, seed: int, spp: int, stage: str, known: Memory
+    ) -> Callable[[int], Arrays]:
+        """That of a ``stage`` of :meth:`passes`, for who makes launches elsewhere: see :class:`~..launches.Maker`."""
+        part, _, name = stage.partition("/")
+        made = self._parts(scene, sensor, seed, spp, {part: dict(known)})[part].launch(name)
+
+        @one_at_a_time
+        def launch(k: int) -> Arrays:
+            with dr.suspend_grad():
+                return made(k)
+
+        return launch
+
+    def _parts(
+        self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int, memory: Memory
+    ) -> dict[str, TwoStages]:
+        """Images that make up the picture, by name; each has its part of the ``memory``."""
+        light = self._begin(scene, sensor)
+        launcher = self._launcher("direct", scene, sensor, partial(Launcher, self))
+        launcher.begin(light)
+        view = View(launcher, launcher.look() if light.allocation.any_bsdf_samples else None)
+        own, dim = memory.setdefault("direct", {}), DIM * light.mean
+        few, grey = pilot_samples(spp), light.mean
+        return {"direct": TwoStages(view, few, spp, opaque_seed(seed), dim, own, grey=grey, varied=True)}
+
+    def _begin(self, scene: mi.Scene, sensor: mi.Sensor) -> AllocatedLight:
         light = self.prepare(scene)
         assert light is not None
         sensor.film().prepare([])
-        launcher = self._launcher_of(scene, sensor)
-        launcher.begin(light)
-        view = View(launcher, launcher.look() if light.allocation.any_bsdf_samples else None)
-        seed = mi.UInt32(seed)
-        dr.make_opaque(seed)  # or every value would be compiled into a kernel of its own
+        return light
 
-        few = pilot_samples(spp)
-        # As neighbours' errors choose the number of a pixel's samples, they may share those of the map only where all
-        # do, the pilot's and the later ones: with any such set fixed, pixels are independent.
-        shared = launcher.light_samples(mix(~seed)) if view.at_once(spp) else None
-        dim = DIM * light.mean
-        if "first" not in memory:
-            if few < spp:
-                view.counts = Visibility.nothing(view.width, view.height)
-            pilot = Pilot(view, few, min(PARTS, few), shared, light.mean)
-            for rendered in pilot.passes(seed, dim):
-                if rendered < few:
-                    yield pilot.image(0), rendered, None
-            plan = pilot.plan(dim, spp)
-            memory["first"] = pilot.image(plan.share.numpy().reshape(plan.counts.shape))
-            memory["counts"], memory["level"], memory["share"] = plan.counts, plan.level.numpy(), plan.share.numpy()
-            memory["learned"] = view.learn()
-        yield memory["first"], float(few), None
-        if few == spp:
-            return
+    def _launcher(
+        self, part: str, scene: mi.Scene, sensor: mi.Sensor, make: Callable[[mi.Scene, mi.Sensor], Launcher]
+    ) -> Launcher:
+        """That of a part of the picture, which is kept for the next one."""
+        launcher = self._launchers.get(part)
+        if launcher is None or launcher.scene is not scene or launcher.sensor is not sensor:
+            launcher = self._launchers[part] = make(scene, sensor)
+        return launcher
 
-        view.learned = mi.Float(memory["learned"])
-        level, share = mi.Float(memory["level"]), mi.Float(memory["share"])
-        yield from view.later(
-            memory["first"], few, memory["counts"] - few, seed, dr.maximum(level, dim), shared, share, memory
-        )
 
-    def _launcher_of(self, scene: mi.Scene, sensor: mi.Sensor) -> Launcher:
-        if self._launcher is None or self._launcher.scene is not scene or self._launcher.sensor is not sensor:
-            self._launcher = Launcher(self, scene, sensor)
-        return self._launcher
+def opaque_seed(seed: int | mi.UInt32) -> mi.UInt32:
+    """Or every value would be compiled into a kernel of its own."""
+    found = mi.UInt32(seed)
+    dr.make_opaque(found)
+    return found

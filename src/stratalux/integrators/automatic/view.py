@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import drjit as dr
@@ -11,15 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...sampling.exact import ExactSums
-from ...sampling.points import mix
-from ..sums import UNLIMITED, Memory, Pixels, Sums
+from ..launches import Arrays, grown, number_for, together
+from ..sums import UNLIMITED, Pixels, normalised
 from .adaptive import Plan, plan_samples
 from .launch import Launch, Launcher
 from .look import Look
 from .visibility import Visibility
 
-Noise = NDArray[np.float32] | None
-"""See :meth:`~..sums.Sums.noise`."""
 LAUNCH = 1 << 21
 """Camera samples of one launch, about: a second on two cores."""
 KNOWN = 128
@@ -46,37 +43,51 @@ class Lanes:
     cost: mi.Float | None = None
 
 
+class Division:
+    """So many ``counts`` (H, W) of samples of each pixel, in launches of about :data:`LAUNCH`.
+
+    Where one launch does not do, the first are smaller and double; every one goes over the whole image.
+    """
+
+    def __init__(self, counts: NDArray[np.int64], width: int, height: int) -> None:
+        self._counts = counts.ravel()
+        self._total = int(self._counts.sum())
+        self._rows = np.repeat((np.arange(height) + 0.5) / height, width)  # where fractions change
+
+    def __len__(self) -> int:
+        if self._total <= LAUNCH:
+            return min(self._total, 1)
+        step = LAUNCH // FIRST
+        return number_for(-(-self._total // step), FIRST)
+
+    def __getitem__(self, k: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The samples of each pixel from which and up to which launch ``k`` goes."""
+        if not 0 <= k < len(self):
+            raise IndexError(k)
+        return self.until(k), self.until(k + 1)
+
+    def until(self, k: int) -> NDArray[np.int64]:
+        """Samples of each pixel after ``k`` launches."""
+        share = 1.0 if k >= len(self) else grown(k, FIRST) * (LAUNCH // FIRST) / self._total
+        return np.floor(self._counts * share + self._rows).astype(np.int64)
+
+
 class View:
-    """The film of a sensor, and launches of samples for it, which add to ``counts`` or make use of what is ``learned``
-    (see :class:`~.visibility.Visibility`)."""
+    """The film of a sensor, and samples for it."""
 
     def __init__(self, launcher: Launcher, look: Look | None) -> None:
         self.launcher, self.look = launcher, look
         self.film = launcher.sensor.film()
         self.width, self.height = (int(side) for side in self.film.crop_size())
         self.pixels = self.width * self.height
-        self.counts: tuple[mi.UInt32, mi.UInt32] | None = None
-        self.learned: mi.Float | None = None
 
     def at_once(self, spp: int) -> bool:
         """Whether one launch does for so many samples per pixel."""
         return self.pixels * spp <= LAUNCH
 
-    def launches(self, counts: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-        """The samples of each pixel from which and up to which a launch goes, until there are ``counts``.
-
-        Where one launch does not do, the first are smaller and double; every one goes over the whole image.
-        """
-        total = int(counts.sum())
-        row = np.repeat((np.arange(self.height) + 0.5) / self.height, self.width)  # where the fractions change
-        start, done, step = np.zeros_like(counts), 0, LAUNCH if total <= LAUNCH else LAUNCH // FIRST
-        while done < total:
-            done = min(done + step, total)
-            step = max(step, min(done, LAUNCH))
-            end = np.floor(counts * (done / total) + row).astype(np.int64)
-            if (end > start).any():
-                yield start, end
-                start = end
+    def launches(self, counts: NDArray[np.int64]) -> Division:
+        """Those that give each pixel so many samples, by their number."""
+        return Division(counts, self.width, self.height)
 
     def samples(
         self,
@@ -85,8 +96,13 @@ class View:
         seed: mi.UInt32,
         expected: mi.Float,
         shared: mi.Float | None,
+        counts: tuple[mi.UInt32, mi.UInt32] | None = None,
+        learned: mi.Float | None = None,
     ) -> Lanes:
-        """``number`` samples of each pixel, from the ``first`` on; ``expected`` is one for each, or one for all."""
+        """``number`` samples of each pixel, from the ``first`` on; ``expected`` is one for each, or one for all.
+
+        They add to ``counts``, or make use of what is ``learned``: see :class:`~.visibility.Visibility`.
+        """
         pixel = mi.UInt32(np.repeat(np.arange(self.pixels, dtype=np.uint32), number))
         before = np.cumsum(number) - number - first  # the first lane of a pixel, less the index of its sample
         index = dr.arange(mi.UInt32, dr.width(pixel)) - dr.gather(mi.UInt32, unsigned(before), pixel)
@@ -94,47 +110,8 @@ class View:
             expected = dr.gather(mi.Float, expected, pixel)
         dr.eval(index, expected)
         detailed = self.look.detailed if self.look else None
-        launch = Launch(pixel, index, seed, expected, shared, detailed, self.counts, self.learned)
+        launch = Launch(pixel, index, seed, expected, shared, detailed, counts, learned)
         return Lanes(pixel, index, *self.launcher.samples(launch))
-
-    def learn(self) -> NDArray[np.float32]:
-        """Stop to count, and tell what was learned; nothing where nothing was counted."""
-        if self.counts is None:
-            return np.zeros(0, dtype=np.float32)
-        learned: NDArray[np.float32] = Visibility.learn(self.counts).numpy()
-        self.counts = None
-        return learned
-
-    def later(
-        self,
-        first: Pixels,
-        few: int,
-        counts: NDArray[np.int64],
-        seed: mi.UInt32,
-        expected: mi.Float,
-        shared: mi.Float | None,
-        share: mi.Float | None = None,
-        memory: Memory | None = None,
-    ) -> Iterator[tuple[Pixels, float, Noise]]:
-        """Launch by launch, the image so far, its samples per pixel and its noise, where ``counts`` (H, W) follow the
-        ``few`` of the image ``first``. ``share`` of the variate's difference that counts in each pixel; none unless
-        given. Launches that the ``memory`` has are not made again."""
-        sums = Sums({} if memory is None else memory)
-        for k, (start, end) in enumerate(self.launches(counts.ravel())):
-            if k >= sums.launches:
-                samples = shared
-                if samples is None:
-                    samples = self.launcher.light_samples(mix(mix(seed) + mi.UInt32(k + 1)))
-                lanes = self.samples(few + start, end - start, seed, expected, samples)
-                L = lanes.L
-                if share is not None:
-                    L = L + dr.gather(mi.Float, share, lanes.pixel) * lanes.difference
-                weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, unsigned(counts.ravel()), lanes.pixel)))
-                sums.add(self.put(lanes, L, lanes.alpha, weight, int((end - start).max())))
-            elif k + 1 < sums.launches:
-                continue
-            done = end.reshape(counts.shape)
-            yield combined(first, sums.image(), few, done), few + float(done.mean()), sums.noise()
 
     def put(
         self, lanes: Lanes, value: mi.Spectrum, alpha: mi.Bool | mi.Float, weight: mi.Float, most: int
@@ -169,40 +146,67 @@ class View:
 
 
 class Pilot:
-    """A few samples of every pixel, and what follows from them."""
+    """A few samples of every pixel, and what follows from them. It ``learns`` what is visible."""
 
-    def __init__(self, view: View, count: int, parts: int, shared: mi.Float | None, grey: float) -> None:
+    def __init__(
+        self,
+        view: View,
+        count: int,
+        parts: int,
+        shared: mi.Float | None,
+        seed: mi.UInt32,
+        dim: float,
+        grey: float = 0.0,
+        learns: bool = False,
+    ) -> None:
         self.view, self.count, self.parts, self._shared, self._grey = view, count, parts, shared, grey
-        self._images = Sums({}), Sums({})
-        self._sums = np.zeros((2, 3, parts * view.pixels))
-        self._costs: list[mi.Float] = []
+        self._seed, self._dim, self._learns = seed, dim, learns
+        self._found: Arrays | None = None
+        self.launches = view.launches(np.full(view.pixels, count))
 
-    def passes(self, seed: mi.UInt32, dim: float) -> Iterator[float]:
-        """Launch by launch, the samples per pixel so far."""
+    def launch(self, k: int) -> Arrays:
+        """One of those of :attr:`launches`."""
         view, count = self.view, self.count
-        expected = dr.opaque(mi.Float, dim)
-        for first, last in view.launches(np.full(view.pixels, count)):
-            lanes = view.samples(first, last - first, seed, expected, self._shared)
-            most = int((last - first).max())
-            group = lanes.index * dr.opaque(mi.UInt32, self.parts) // dr.opaque(mi.UInt32, count)
-            sums = ExactSums(self.parts * view.pixels, most)
-            worth, difference = (
-                [value[c % dr.size_v(mi.Spectrum)] for c in range(3)]
-                for value in (self._worth(lanes), lanes.difference)
-            )
-            sums.begin(worth, difference)
-            sums.add([*worth, *difference], group * view.pixels + lanes.pixel)
-            self._sums += np.reshape(list(sums), self._sums.shape)
-            weight = dr.opaque(mi.Float, 1 / count, dr.width(lanes.pixel))
-            for image, value, alpha in zip(
-                self._images, (lanes.L, lanes.difference), (lanes.alpha, mi.Bool(False)), strict=True
-            ):
-                image.add(view.put(lanes, value, alpha, weight, most))
-            if lanes.cost is not None:
-                self._costs = self._costs or [dr.zeros(mi.Float, view.pixels)]
-                dr.scatter_add(self._costs[0], lanes.cost, lanes.pixel)  # whole numbers, exact in any order
-                dr.eval(self._costs)
-            yield float(last.mean())
+        expected = dr.opaque(mi.Float, self._dim)
+        first, last = self.launches[k]
+        counts = Visibility.nothing(view.width, view.height) if self._learns else None
+        lanes = view.samples(first, last - first, self._seed, expected, self._shared, counts)
+        group = lanes.index * dr.opaque(mi.UInt32, self.parts) // dr.opaque(mi.UInt32, count)
+        most = int((last - first).max())
+        sums = ExactSums(self.parts * view.pixels, most)
+        worth, difference = (
+            [value[c % dr.size_v(mi.Spectrum)] for c in range(3)] for value in (self._worth(lanes), lanes.difference)
+        )
+        sums.begin(worth, difference)
+        sums.add([*worth, *difference], group * view.pixels + lanes.pixel)
+        found = {"sums": np.reshape(list(sums), (2, 3, self.parts, view.height, view.width))}
+        weight = dr.opaque(mi.Float, 1 / count, dr.width(lanes.pixel))
+        found["image"] = view.put(lanes, lanes.L, lanes.alpha, weight, most)
+        found["difference"] = view.put(lanes, lanes.difference, mi.Bool(False), weight, most)
+        if lanes.cost is not None:
+            cost = dr.zeros(mi.Float, view.pixels)
+            dr.scatter_add(cost, lanes.cost, lanes.pixel)  # whole numbers, exact in any order
+            found["costs"] = cost.numpy()
+        if counts is not None:
+            found["rays"], found["free"] = (number.numpy() for number in counts)
+        return found
+
+    def add(self, found: Arrays) -> None:
+        """What a launch has brought, or several."""
+        self._found = found if self._found is None else together(self._found, found)
+
+    @property
+    def found(self) -> Arrays:
+        """The sum of all."""
+        assert self._found is not None
+        return self._found
+
+    def learned(self) -> NDArray[np.float32]:
+        """What is visible."""
+        seen: NDArray[np.float32] = Visibility.learn(
+            (mi.UInt32(self.found["rays"]), mi.UInt32(self.found["free"]))
+        ).numpy()
+        return seen
 
     def _worth(self, lanes: Lanes) -> mi.Spectrum:
         """What errors are looked for in: the radiance, or that over a picture as ``grey`` as the map where alpha is a
@@ -213,15 +217,14 @@ class Pilot:
 
     def image(self, share: NDArray[np.float32] | float) -> Pixels:
         """The image, with a ``share`` of the variate's difference in each pixel."""
-        image, difference = (sums.image() for sums in self._images)
+        image, difference = (normalised(self.found[name]) for name in ("image", "difference"))
         image[..., :-1] += np.asarray(share, dtype=np.float32)[..., None] * difference[..., :-1]
         return image
 
-    def plan(self, dim: float, budget: int, beside: Pixels | None = None) -> Plan:
+    def plan(self, budget: int, beside: Pixels | None = None) -> Plan:
         """How to go on. ``beside``: an image that this one is added to, which its errors are measured by."""
         view = self.view
-        shape = (2, 3, self.parts, view.height, view.width)
-        means = (self._sums * (self.parts / self.count)).astype(np.float32).reshape(shape)
+        means = (self.found["sums"] * (self.parts / self.count)).astype(np.float32)
         pilot, difference = (mi.TensorXf(x) for x in means)
         if beside is not None:
             pilot += mi.TensorXf(np.moveaxis(beside[..., :3], -1, 0)[:, None])
@@ -231,7 +234,8 @@ class Pilot:
         least, footprint = (self.count, 0) if box else (2 * self.count, int(np.ceil(filter.radius() - 0.5)))
         marks = view.look.marks if view.look else ()
         known = KNOWN if budget >= UNLIMITED else budget
-        plan = plan_samples(pilot, difference, dim, max(known, least), least, footprint, marks, self._costs)
+        costs = [mi.Float(self.found["costs"])] if "costs" in self.found else []
+        plan = plan_samples(pilot, difference, self._dim, max(known, least), least, footprint, marks, costs)
         return plan if known == budget else replace(plan, counts=plan.counts * (_PLENTY // known))
 
 

@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...sampling.points import mix
 from ..automatic.nested_strata import PixelPoints
 from ..automatic.sample import AllocatedLight, AutomaticSample
-from ..automatic.view import KNOWN, Noise, Pilot, View
+from ..automatic.view import KNOWN
 from ..light_samples import FreshLight
 from ..other_emitters import OtherEmitters
 from ..sight import Sight
-from ..sums import UNLIMITED, Memory, Pixels
-from .launch import PathLauncher
+from ..sums import UNLIMITED, Pixels
 from .paths import Paths
 from .vertex import VertexLight
-
-_PARTS = 4
-"""Of a pilot, whose differences tell its error."""
 
 
 def pilot_paths(spp: int, box: bool) -> int:
@@ -63,39 +56,6 @@ class Indirect:
         arriving = VertexLight(scene, sight.obstacles or scene, others, prepared, samples)
         way = self.paths.begin(scene, sight, sampler.index, sampler.seed, ray, mi.Bool(active))
         return self.paths.follow(scene, arriving, sight, sampler.index, sampler.seed, way), mi.Bool(False)
-
-
-class IndirectImage:
-    """Renders it launch by launch, beside an image of direct light."""
-
-    def __init__(self, indirect: Indirect, scene: mi.Scene, sensor: mi.Sensor) -> None:
-        self.scene, self.sensor = scene, sensor
-        self._launcher = PathLauncher(indirect, indirect.paths, scene, sensor)
-
-    def passes(
-        self, light: AllocatedLight, direct: Pixels, dim: float, seed: mi.UInt32, spp: int, memory: Memory
-    ) -> Iterator[tuple[Pixels, float, Noise]]:
-        """The image so far, with the film's channels and weights, its samples per pixel and its noise.
-
-        ``direct``: what it is added to, which errors are measured by. ``dim``: radiance below which they count as if it
-        were that bright. ``memory``: see :meth:`~..automatic.image.Automatic.passes`.
-        """
-        self._launcher.begin(light)
-        view = View(self._launcher, None)
-        few = pilot_paths(spp, view.film.rfilter().is_box_filter())
-        shared = self._launcher.light_samples(mix(~seed)) if view.at_once(spp) else None
-        if "first" not in memory:
-            pilot = Pilot(view, few, min(_PARTS, few), shared, 0.0)
-            for rendered in pilot.passes(seed, dim):
-                if rendered < few:
-                    yield pilot.image(0), rendered, None
-            memory["first"], memory["counts"] = pilot.image(0), pilot.plan(dim, spp, direct).counts
-        yield memory["first"], float(few), None
-        if few == spp:
-            return
-
-        expected = dr.opaque(mi.Float, dim)
-        yield from view.later(memory["first"], few, memory["counts"] - few, seed, expected, shared, memory=memory)
 
 
 def added(direct: Pixels, rest: Pixels) -> Pixels:

@@ -6,6 +6,8 @@ import os
 import re
 from pathlib import Path
 
+from ..sources import source
+
 
 def file_beside(folder: Path, name: str, base: Path | None = None) -> Path | None:
     """The file of that name below a folder, or None if there is none.
@@ -23,12 +25,12 @@ def file_beside(folder: Path, name: str, base: Path | None = None) -> Path | Non
     places = [each / part for part in (name, last) for each in bases if is_below(each / part, folder)]
     for place in places:
         if os.path.isfile(place):
-            return place
+            return source(place)
     for place in places:
         if os.path.isdir(place.parent):
             found = sorted(each for each in os.listdir(place.parent) if each.lower() == place.name.lower())
             if found and os.path.isfile(place.parent / found[0]) and is_below(place.parent / found[0], folder):
-                return place.parent / found[0]
+                return source(place.parent / found[0])
     return None
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from urllib.parse import unquote, unquote_to_bytes
 
 from ....errors import InputError
+from ...sources import source
 from ..beside import is_below
 
 
@@ -36,5 +37,5 @@ def file_of(document: Path, uri: str) -> Path:
             continue
         if Path(name).is_absolute() or not is_below(file, folder):
             raise InputError(f"{document}: refers to {name!r}, outside of its own folder; copy it there")
-        return file
+        return source(file)
     raise InputError(f"{document}: the file {unquote(uri)!r} that it refers to is not there; copy it too")

@@ -20,6 +20,7 @@ from pathlib import Path
 
 from ....errors import InputError, SceneWarning
 from ...model import Model
+from ...sources import source
 
 _SECONDS = 600
 """What takes longer counts as hung."""
@@ -51,7 +52,9 @@ def read(path: Path) -> Model:
         ) from None
     if process.returncode:
         raise InputError(f"{path}: damaged: reading it ended the reader ({_end(process.returncode)}); export it again")
-    kind, answer, told = pickle.loads(process.stdout)
+    kind, answer, told, files = pickle.loads(process.stdout)
+    for file in files:
+        source(file)
     for text in told:
         warnings.warn(str(text).replace(str(path.absolute()), str(path), 1), SceneWarning, stacklevel=2)
     if kind == "refused":

@@ -8,6 +8,7 @@ from pathlib import Path
 from pxr import Ar, Sdf
 
 from ...model import Picture
+from ...sources import source
 from ..beside import file_beside, is_below
 
 
@@ -34,6 +35,6 @@ class Assets:
             opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved))
             return Picture(os.path.basename(inner), data=bytes(opened.GetBuffer())) if opened else None
         if resolved and is_below(resolved, self._folder) and os.path.isfile(resolved):
-            return Picture(os.path.basename(resolved), Path(resolved))
+            return Picture(os.path.basename(resolved), source(Path(resolved)))
         path = file_beside(self._folder, name) if name else None
         return Picture(path.name, path) if path else None

@@ -1,6 +1,7 @@
 """The process that reads a stage, and writes what it holds to its standard output; the package starts it.
 
-The answer is pickled: what it is ("model", "refused" or "failed"), the model or the reason, and the warnings.
+The answer is pickled: what it is ("model", "refused" or "failed"), the model or the reason, the warnings, and the files
+that were read.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ....errors import InputError
+from ...sources import sources
 
 _LEAST = 4 << 30
 """Bytes of addresses that it may take in any case; otherwise, they are half of the memory that is free."""
@@ -28,10 +30,10 @@ def main(path: str) -> None:
         pickle.dump(answer(Path(path)), answers, protocol=5)
 
 
-def answer(path: Path) -> tuple[str, Any, list[str]]:
-    """What is in the file, and what is to be told of it."""
+def answer(path: Path) -> tuple[str, Any, list[str], list[Path]]:
+    """What is in the file, what is to be told of it, and what else was read."""
     kind, found = "model", None  # type: str, Any
-    with warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings(record=True) as caught, sources() as read:
         warnings.simplefilter("always")
         try:
             from .stage import read_stage
@@ -43,7 +45,7 @@ def answer(path: Path) -> tuple[str, Any, list[str]]:
             kind, found = "refused", f"{path}: its data do not fit into memory; export it again, or less of it"
         except Exception as error:  # of whatever kind: there is nobody else to tell
             kind, found = "failed", f"{type(error).__name__}: {error}"
-    return kind, found, [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
+    return kind, found, [str(each.message) for each in caught if issubclass(each.category, UserWarning)], list(read)
 
 
 def _limit_memory() -> None:

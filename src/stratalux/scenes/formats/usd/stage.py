@@ -10,6 +10,7 @@ from pxr import Gf, Tf, Usd, UsdGeom, UsdLux, UsdSkel
 
 from ....errors import InputError
 from ...model import Camera, Floats, Instance, Light, Model, Part
+from ...sources import source
 from .assets import Assets
 from .cameras import camera
 from .lights import light
@@ -27,6 +28,9 @@ def read_stage(path: Path) -> Model:
             stage = Usd.Stage.Open(str(path))
             if not stage:
                 raise InputError(f"{path}: unreadable as USD; export it again")
+            for layer in stage.GetUsedLayers():
+                if layer.realPath:
+                    source(Path(layer.realPath))
             model = _Reader(path, stage, notes).model()
         except Tf.ErrorException as error:
             raise InputError(f"{path}: unreadable as USD ({_first(error)}); export it again") from None

@@ -1,0 +1,113 @@
+"""An image in two stages: a pilot of every pixel, then samples where the error is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import drjit as dr
+import mitsuba as mi
+
+from ...sampling.points import mix
+from ..launches import Arrays, Launch, Maker
+from ..sums import Memory, Noise, Pixels, Sums
+from .view import Pilot, View, combined, unsigned
+
+PARTS = 4
+"""Of a pilot, whose differences tell its error."""
+_KNOWN = "counts", "level", "share", "learned"
+"""What of its memory the second stage depends on."""
+
+
+class TwoStages:
+    """``few`` of ``spp`` samples of each pixel of a ``view`` are the pilot.
+
+    ``dim``: radiance below which errors count as if it were that bright. ``grey``: radiance of what a picture is laid
+    over where alpha is a share. ``varied``: whether there are a control variate and something to learn for it.
+    ``beside``: an image that this one is added to, which errors are measured by, as it is after the pilot.
+    """
+
+    def __init__(
+        self,
+        view: View,
+        few: int,
+        spp: int,
+        seed: mi.UInt32,
+        dim: float,
+        memory: Memory,
+        *,
+        grey: float = 0.0,
+        varied: bool = False,
+        beside: Callable[[], Pixels] | None = None,
+    ) -> None:
+        self._view, self._few, self._spp, self._seed, self._dim = view, few, spp, seed, dim
+        self._memory, self._varied, self._beside = memory, varied, beside
+        # As neighbours' errors choose the number of a pixel's samples, they may share those of the map only where all
+        # do, the pilot's and the later ones: with any such set fixed, pixels are independent.
+        self._shared = view.launcher.light_samples(mix(~seed)) if view.at_once(spp) else None
+        self._pilot = Pilot(view, few, min(PARTS, few), self._shared, seed, dim, grey, varied and few < spp)
+
+    def passes(self, make: Maker) -> Iterator[tuple[Pixels, float, Noise]]:
+        """The image so far, with the film's channels and weights, its samples per pixel and its noise."""
+        memory, few = self._memory, self._few
+        if "first" not in memory:
+            launches = self._pilot.launches
+            for done, found in make("pilot", {}, 0, len(launches), self._pilot.launch):
+                self._pilot.add(found)
+                if done < len(launches):
+                    yield self._pilot.image(0), float(launches.until(done).mean()), None
+            self._plan()
+        yield memory["first"], float(few), None
+        if few == self._spp:
+            return
+        sums, counts = Sums(memory), memory["counts"] - few
+        launches = self._view.launches(counts)
+
+        def so_far() -> tuple[Pixels, float, Noise]:
+            done = launches.until(sums.launches).reshape(counts.shape)
+            return combined(memory["first"], sums.image(), few, done), few + float(done.mean()), sums.noise()
+
+        if sums.launches:
+            yield so_far()
+        known = {name: memory[name] for name in _KNOWN if name in memory}
+        for done, found in make("later", known, sums.launches, len(launches), self._later()):
+            sums.add(found["raw"], done)
+            yield so_far()
+
+    def launch(self, stage: str) -> Launch:
+        """That of a stage; of the second one, the memory has what it depends on."""
+        return self._pilot.launch if stage == "pilot" else self._later()
+
+    def _plan(self) -> None:
+        """What follows from the pilot."""
+        memory, pilot = self._memory, self._pilot
+        plan = pilot.plan(self._spp, self._beside() if self._beside else None)
+        memory["counts"] = plan.counts
+        if self._varied:
+            memory["level"], memory["share"] = plan.level.numpy(), plan.share.numpy()
+            if self._few < self._spp:
+                memory["learned"] = pilot.learned()
+        memory["first"] = pilot.image(memory["share"].reshape(plan.counts.shape) if self._varied else 0)
+
+    def _later(self) -> Launch:
+        """Launches of the second stage, as the memory has it planned."""
+        view, memory, few, seed = self._view, self._memory, self._few, self._seed
+        counts = memory["counts"] - few
+        launches, number = view.launches(counts), unsigned(counts.ravel())
+        expected, share, learned = dr.opaque(mi.Float, self._dim), None, None
+        if self._varied:
+            expected = dr.maximum(mi.Float(memory["level"]), self._dim)
+            share, learned = mi.Float(memory["share"]), mi.Float(memory["learned"])
+
+        def launch(k: int) -> Arrays:
+            start, end = launches[k]
+            samples = self._shared
+            if samples is None:
+                samples = view.launcher.light_samples(mix(mix(seed) + mi.UInt32(k + 1)))
+            lanes = view.samples(few + start, end - start, seed, expected, samples, learned=learned)
+            L = lanes.L
+            if share is not None:
+                L = L + dr.gather(mi.Float, share, lanes.pixel) * lanes.difference
+            weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, number, lanes.pixel)))
+            return {"raw": view.put(lanes, L, lanes.alpha, weight, int((end - start).max()))}
+
+        return launch

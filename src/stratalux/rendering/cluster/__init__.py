@@ -1,0 +1,1 @@
+"""Launches of a picture on many machines, by Dask."""

@@ -1,0 +1,255 @@
+"""Makes the launches of a picture on a Dask cluster.
+
+Launches are cut into batches. Each batch is as many tasks as there are workers; a task makes launches that follow each
+other, and what the tasks bring is added up on the workers, two and two, so that one sum comes here for each batch. What
+a task makes depends on nothing but the picture and its numbers, so it can be made again anywhere: a task of a worker
+that is lost, or that does not answer, is given to another, and of several answers one counts.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import warnings
+from collections import deque
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import dask
+from distributed import CancelledError, Client, Future, LocalCluster, wait
+from distributed import TimeoutError as Late
+from distributed.scheduler import KilledWorker
+
+from ...errors import InputError, SceneWarning
+from ...integrators.launches import Arrays, Launch
+from .job import Job, Missing
+from .worker import RESOURCE, Renderer, added, held, made
+
+_SHORTEST = 1.0
+"""Seconds that a task takes at least, where there is enough to do: less is lost between tasks."""
+_TRANSFERS = 20
+"""So many times as long as sending its result does."""
+_BANDWIDTH = 1e9
+"""Bytes per second, about."""
+_PATIENCE, _TIMES = 120.0, 10
+"""Seconds, and times the longest wait so far, after which a task without an answer goes to another worker, too."""
+_TRIES = 10
+"""Of a task, until its failure is told."""
+_CONNECT = "30s"
+
+
+@contextmanager
+def cluster(where: str, variant: str) -> Iterator[Cluster]:
+    """The cluster at the address ``where``, or ``local:N``. Raises :class:`InputError` if there is none."""
+    quiet = {"distributed.logging.distributed": "critical", "distributed.admin.large-graph-warning-threshold": "1TB"}
+    with dask.config.set(quiet):
+        if where.startswith("local:"):
+            processes = int(where[6:])
+            threads = max(1, (os.cpu_count() or 1) // processes)
+            with (
+                LocalCluster(  # type: ignore[no-untyped-call]
+                    processes, threads, processes=True, dashboard_address=None, silence_logs=logging.CRITICAL
+                ) as local,
+                Client(local, set_as_default=False) as client,  # type: ignore[no-untyped-call]
+            ):
+                yield Cluster(where, client, variant)
+            return
+        try:
+            client = Client(where, timeout=_CONNECT, set_as_default=False)  # type: ignore[no-untyped-call]
+        except (OSError, ValueError, Late) as error:
+            raise InputError(f"cluster {where}: there is no scheduler ({' '.join(str(error).split())[:100]})") from None
+        with client:
+            yield Cluster(where, client, variant)
+
+
+@dataclass
+class _Task:
+    """Launches from ``first`` up to ``last``, at one worker or, where that one is late, at several."""
+
+    first: int
+    last: int
+    futures: list[Future] = field(default_factory=list)
+    tries: int = 0
+
+
+class Cluster:
+    """Workers that are prepared, and what they are given to do."""
+
+    def __init__(self, where: str, client: Client, variant: str) -> None:
+        self._where, self._client = where, client
+        self._files: dict[str, Future] = {}
+        client.register_plugin(Renderer(variant))  # type: ignore[no-untyped-call]
+        if not self._workers:
+            warnings.warn(f"cluster {where}: waiting for its first worker", SceneWarning, stacklevel=4)
+            client.wait_for_workers(1)  # type: ignore[no-untyped-call]
+
+    @property
+    def _workers(self) -> int:
+        return len(self._client.nthreads())  # type: ignore[no-untyped-call]
+
+    def maker(self, job: Job) -> Maker:
+        """Who makes the launches of that picture."""
+        return Maker(self, job)
+
+    def submit(self, function: Any, *arguments: Any, **options: Any) -> Future:
+        """A task of its own, whatever other ones there are."""
+        key = f"stratalux-{function.__name__}-{uuid4().hex}"
+        future: Future = self._client.submit(function, *arguments, key=key, pure=False, **options)  # type: ignore[no-untyped-call]
+        return future
+
+    def send(self, job: Job, hashes: list[str]) -> None:
+        """Send files that a worker lacks; others may fetch them from it."""
+        for file in job.files:
+            if file.sha256 in hashes and file.sha256 not in self._files:
+                self._files[file.sha256] = self.submit(held, Path(file.path).read_bytes())
+
+    @property
+    def sent(self) -> dict[str, str]:
+        """The keys of files that are on their way, by the hash of their content."""
+        return {sha256: str(future.key) for sha256, future in self._files.items()}
+
+    def lost(self, why: str) -> InputError:
+        """The error that says so."""
+        return InputError(f"cluster {self._where}: {why}")
+
+    @property
+    def width(self) -> int:
+        """How many tasks run at the same time."""
+        return max(1, self._workers)
+
+    def check(self) -> None:
+        """Raise :class:`InputError` if nobody is there any more."""
+        if self._client.status != "running":
+            raise self.lost("the connection to the scheduler is lost")
+
+    def wait(self, futures: list[Future], seconds: float) -> None:
+        """Until one of them has an answer. Raises :class:`Late`."""
+        with self._client.as_current():  # type: ignore[no-untyped-call]
+            wait(futures, timeout=seconds, return_when="FIRST_COMPLETED")  # type: ignore[no-untyped-call]
+
+    def forget(self, futures: list[Future]) -> None:
+        """What nobody waits for any more."""
+        if futures and self._client.status == "running":
+            self._client.cancel(futures, force=True)  # type: ignore[no-untyped-call]
+
+
+class Maker:
+    """See :class:`~...integrators.launches.Maker`."""
+
+    def __init__(self, cluster: Cluster, job: Job) -> None:
+        self._cluster, self._job = cluster, job
+        self._longest = 0.0
+
+    def __call__(
+        self, stage: str, known: Mapping[str, Any], first: int, count: int, launch: Launch
+    ) -> Iterator[tuple[int, Arrays]]:
+        batches: deque[list[_Task]] = deque()
+        about = _Known(self._cluster, known)
+        each = 1  # Launches of a task
+        try:
+            while first < count or batches:
+                while first < count and sum(map(len, batches)) < 2 * self._cluster.width:
+                    # The first one is a launch, so that what begins with it is the same everywhere.
+                    tasks = 1 if first == 0 else self._cluster.width
+                    batch = []
+                    for _ in range(tasks):
+                        if first < count:
+                            batch.append(_Task(first, min(first + each, count)))
+                            first = batch[-1].last
+                            self._give(batch[-1], stage, about)
+                    batches.append(batch)
+                batch = batches[0]
+                total = dict(self._gathered(batch, stage, about))
+                batches.popleft()
+                seconds = float(total.pop("seconds")) / (batch[-1].last - batch[0].first)
+                size = sum(value.nbytes for value in total.values())
+                each = max(1, round(max(_SHORTEST, _TRANSFERS * size / _BANDWIDTH) / max(seconds, 1e-6)))
+                yield batch[-1].last, total
+        finally:
+            self._cluster.forget([future for batch in batches for task in batch for future in task.futures])
+
+    def _give(self, task: _Task, stage: str, about: _Known) -> None:
+        arguments = self._job, self._cluster.sent, stage, about.future, task.first, task.last
+        task.futures.append(self._cluster.submit(made, *arguments, resources={RESOURCE: 1}))
+
+    def _gathered(self, batch: list[_Task], stage: str, about: _Known) -> Arrays:
+        """The sum of what a batch brings."""
+        while True:
+            done = self._finished(batch, stage, about)
+            while len(done) > 1:
+                pairs = [self._cluster.submit(added, *pair) for pair in zip(done[::2], done[1::2], strict=False)]
+                done = [*pairs, *done[len(pairs) * 2 :]]
+            try:
+                total: Arrays = done[0].result()  # type: ignore[no-untyped-call]
+                return total
+            except (KilledWorker, CancelledError, OSError) as error:
+                self._cluster.check()
+                for task in batch:
+                    self._again(task, stage, about, error)
+
+    def _finished(self, batch: list[_Task], stage: str, about: _Known) -> list[Future]:
+        """One answer for each task."""
+        done: dict[int, Future] = {}
+        waited = 0.0
+        while len(done) < len(batch):
+            open_ = {future: task for task in batch if task.first not in done for future in task.futures}
+            try:
+                self._cluster.wait(list(open_), _PATIENCE / 8)
+                self._longest, waited = max(self._longest, waited), 0.0
+            except Late:
+                self._cluster.check()
+                waited += _PATIENCE / 8
+                if waited > max(_PATIENCE, _TIMES * self._longest):
+                    for task in set(open_.values()):
+                        self._give(task, stage, about)
+                    waited = 0.0
+                continue
+            for future, task in open_.items():
+                if future.status == "finished":
+                    done.setdefault(task.first, future)
+                elif future.status != "pending":
+                    task.futures.remove(future)
+                    if not task.futures:
+                        self._again(task, stage, about, _failure(future))
+        for task in batch:
+            self._cluster.forget([future for future in task.futures if future is not done[task.first]])
+        return [done[task.first] for task in batch]
+
+    def _again(self, task: _Task, stage: str, about: _Known, error: BaseException | None) -> None:
+        """Give a task to another worker, as it has ended with an ``error``."""
+        self._cluster.check()
+        if isinstance(error, InputError):
+            raise error
+        if isinstance(error, Missing):
+            self._cluster.send(self._job, error.hashes)
+        else:
+            task.tries += 1
+            if task.tries >= _TRIES:
+                raise self._cluster.lost(f"launch {task.first} of {stage} has failed {_TRIES} times ({error})")
+            about.renew()
+        self._give(task, stage, about)
+
+
+class _Known:
+    """What the launches of a stage depend on: sent once, and passed on from worker to worker."""
+
+    def __init__(self, cluster: Cluster, known: Mapping[str, Any]) -> None:
+        self._cluster, self._known = cluster, dict(known)
+        self.future = cluster.submit(held, self._known)
+
+    def renew(self) -> None:
+        """Send it again if it is lost."""
+        if self.future.status in ("lost", "cancelled", "error"):
+            self.future = self._cluster.submit(held, self._known)
+
+
+def _failure(future: Future) -> BaseException | None:
+    """What it has ended with."""
+    if future.status == "error":
+        error: BaseException = future.exception()  # type: ignore[no-untyped-call]
+        return error
+    return None

@@ -1,0 +1,120 @@
+"""What a worker does: it loads the scene of a picture once, and makes launches of it."""
+
+from __future__ import annotations
+
+import json
+import socket
+import time
+from collections import OrderedDict
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from distributed import Future, WorkerPlugin, get_client
+
+from ...errors import InputError
+from ...integrators.launches import Arrays, Launch, together
+from ...sampling.recording import nobody_else_renders
+from ...scenes.load import load
+from ..checkpoint import identity_of
+from ..identity import differences
+from ..ready import ready
+from ..steps import Steps
+from ..variants import choose_variant
+from .job import Job, found
+
+RESOURCE = "stratalux"
+"""Of a worker: it makes launches of one task at a time, with all of its threads."""
+_SCENES = 2
+"""Kept by a worker."""
+
+_renderer = ThreadPoolExecutor(1, "stratalux")
+"""Dr.Jit's recordings are for one thread; Dask has several for its tasks."""
+_steps: OrderedDict[str, Steps] = OrderedDict()
+_launches: dict[tuple[str, str], Launch] = {}
+
+
+class Renderer(WorkerPlugin):
+    """Prepares a worker, now or when it joins: Mitsuba's first scene has to be made on a process's main thread."""
+
+    idempotent = True
+
+    def __init__(self, variant: str) -> None:
+        self.name = f"stratalux-{variant}"
+        self._variant = variant
+
+    async def setup(self, worker: Any) -> None:
+        dr.set_thread_count(worker.state.nthreads)
+        choose_variant(self._variant)
+        mi.load_dict({"type": "scene", "shape": {"type": "sphere"}})
+        _renderer.submit(nobody_else_renders).result()
+        await worker.set_resources(**{RESOURCE: 1})
+
+
+def made(job: Job, files: Mapping[str, str], stage: str, known: Mapping[str, Any], first: int, last: int) -> Arrays:
+    """The sum of the launches from ``first`` up to ``last``, and the ``seconds`` that they took.
+
+    ``files``: keys of those that are on their way to the workers, by the hash of their content.
+    """
+
+    def content(sha256: str) -> bytes | None:
+        data: bytes | None = Future(files[sha256], get_client()).result() if sha256 in files else None
+        return data
+
+    return _renderer.submit(_made, job, found(job, content), stage, known, first, last).result()
+
+
+def added(one: Arrays, other: Arrays) -> Arrays:
+    """The sum of what two tasks have made."""
+    return together(one, other)
+
+
+def held(value: Any) -> Any:
+    """The same: what is a task's result is found again when the worker that has it is lost."""
+    return value
+
+
+def _made(job: Job, paths: Mapping[str, str], stage: str, known: Mapping[str, Any], first: int, last: int) -> Arrays:
+    launch = _launch(job, paths, stage, known)
+    start = time.perf_counter()
+    total = launch(first)
+    for k in range(first + 1, last):
+        total = together(total, launch(k))
+    return {**total, "seconds": np.array(time.perf_counter() - start)}
+
+
+def _launch(job: Job, paths: Mapping[str, str], stage: str, known: Mapping[str, Any]) -> Launch:
+    place = job.key, stage
+    if place not in _launches:
+        steps = _loaded(job, paths)
+        _launches[place] = steps.launch(stage, dict(known))
+    return _launches[place]
+
+
+def _loaded(job: Job, paths: Mapping[str, str]) -> Steps:
+    if job.key not in _steps:
+        while len(_steps) >= _SCENES:
+            gone, _ = _steps.popitem(last=False)
+            for place in [place for place in _launches if place[0] == gone]:
+                del _launches[place]
+        picture = job.settings(paths)
+        choose_variant(picture.machine.variant)
+        assert picture.scene is not None
+        loaded = load(picture.scene, picture.camera, picture.machine.max_memory)
+        prepared = ready(loaded, picture)
+        _check(job, identity_of(loaded.scene, prepared.picture))
+        _steps[job.key] = prepared.steps
+    _steps.move_to_end(job.key)
+    return _steps[job.key]
+
+
+def _check(job: Job, identity: Mapping[str, Any]) -> None:
+    """Raise :class:`InputError` if this worker would render another picture."""
+    wanted = json.loads(job.identity)
+    own = json.loads(json.dumps({name: identity[name] for name in wanted}))
+    for name, there, here in differences(wanted, own):
+        what = f"another {name}" if name in ("map", "scene") else f"{name} {here} instead of {there}"
+        raise InputError(f"cluster: the worker on {socket.gethostname()} has {what}; install and mount the same there")
