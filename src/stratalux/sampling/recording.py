@@ -5,8 +5,9 @@ from __future__ import annotations
 import gc
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import wraps
+from itertools import count
 from typing import Any, TypeVar
 from weakref import WeakSet
 
@@ -74,6 +75,18 @@ def recorded(function: Function, **options: Any) -> Function:
                 return recordings[variant](*arguments)
 
     return call  # type: ignore[return-value]
+
+
+def living_bsdfs() -> list[mi.BSDF]:
+    """All there are, those that belong to no scene too: as soon as there is one more kind of BSDF, each call of one may
+    be a call of any, and :func:`drjit.freeze` wants to know all that it may read."""
+    found: list[mi.BSDF] = []
+    with suppress(RuntimeError):  # beyond the last one
+        for number in count(1):
+            bsdf = dr.reinterpret_array(mi.BSDFPtr, mi.UInt32(number))[0]
+            if bsdf is not None:  # one that is gone has left its number
+                found.append(bsdf)
+    return found
 
 
 def nobody_else_renders() -> None:

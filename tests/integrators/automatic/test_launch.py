@@ -136,3 +136,19 @@ def test_camera_samples_are_spread_over_pixels_lens_and_shutter(kind: str) -> No
         for k in range(6):  # evenly in each pixel, but for what 256 points cannot tell
             even = (np.arange(256) + 0.5) / 256
             np.testing.assert_allclose(np.sort(part[pixel == k]), even, atol=0.05)
+
+
+@pytest.mark.parametrize("found", [True, False])
+def test_a_bsdf_that_belongs_to_no_scene(found: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It makes no difference: it is found, so launches are recorded, or what was counted until then is counted anew."""
+    launch = "stratalux.integrators.automatic.launch"
+    if not found:
+        monkeypatch.setattr(f"{launch}.living_bsdfs", list)
+    scene = mi.load_dict(scene_dict("diffuse"))
+    alone = mi.render(scene, integrator=mi.load_dict(OURS), spp=16, seed=1).numpy()
+    stray, integrator = mi.load_dict({"type": "roughplastic"}), mi.load_dict(OURS)
+    beside = mi.render(scene, integrator=integrator, spp=16, seed=1).numpy()
+    del stray
+    np.testing.assert_array_equal(beside, alone)
+    (launcher,) = integrator._launchers.values()
+    assert (launcher._recorded[launcher._samples] != launcher._samples) == found

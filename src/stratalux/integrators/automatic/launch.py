@@ -10,7 +10,7 @@ import drjit as dr
 import mitsuba as mi
 
 from ...sampling.points import mix, sobol_2d
-from ...sampling.recording import recorded
+from ...sampling.recording import living_bsdfs, recorded
 from ..derivatives import parameters
 from ..light_samples import SharedLight
 from ..other_emitters import OtherEmitters
@@ -44,6 +44,12 @@ class Launch:
     detailed: mi.UInt32 | None
     counts: tuple[mi.UInt32, mi.UInt32] | None
     learned: mi.Float | None
+
+    def start_counting(self) -> None:
+        """Again: what was counted so far would be counted twice."""
+        for count in self.counts or ():
+            count &= 0
+        dr.make_opaque(self.counts)
 
 
 class Estimator(Protocol):
@@ -128,6 +134,9 @@ class Launcher:
         except RuntimeError:
             # Dr.Jit cannot record every scene: not one without shapes, for instance.
             self._recorded[function] = function
+            for argument in arguments:
+                if isinstance(argument, Launch):
+                    argument.start_counting()
             return function(*arguments)
 
     def _samples(
@@ -152,7 +161,7 @@ class Launcher:
         """What a launch depends on besides its arguments."""
         light, others, sight = self.seen
         arrays = light.arrays(), light.tables.arrays(), others.arrays(), sight.arrays()
-        return arrays, light.tables.depth, self.integrator.hide_emitters, self._fixed
+        return arrays, light.tables.depth, self.integrator.hide_emitters, self._fixed, living_bsdfs()
 
 
 def camera_samples(
