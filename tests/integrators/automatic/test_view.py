@@ -52,6 +52,14 @@ def test_launches_go_over_all_samples_once(room: int, launches: int, monkeypatch
     assert list(view(30, 20).launches(np.zeros(600, dtype=np.int64))) == []
 
 
+@pytest.mark.parametrize("rest", [0, 1, 7])
+def test_each_launch_of_a_pilot_has_something_to_do(rest: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However little is left for the last one."""
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", 592 - 8 * rest)
+    sizes = [int((end - start).sum()) for start, end in view(30, 20).launches(np.full(600, 8, dtype=np.int64))]
+    assert sum(sizes) == 4800 and min(sizes) > 0
+
+
 def test_samples_are_numbered_within_their_pixels() -> None:
     asked: list[Any] = []
 
@@ -83,53 +91,6 @@ def test_later_samples_are_weighted_by_their_number() -> None:
     np.testing.assert_array_equal(normalised(np.array([[[6.0, 3.0], [2.0, 0.0]]])), [[[2, 1], [0, 0]]])
 
 
-@pytest.mark.parametrize("shared", [False, True])
-@pytest.mark.parametrize("room", [100, 12])
-def test_later_samples_follow_those_of_the_pilot(room: int, shared: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The image is the mean of all, and its alpha as well, whether they come at once or in parts."""
-    monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", room)
-    seeds: list[int] = []
-
-    def light_samples(seed: mi.UInt32) -> mi.Float:
-        seeds.append(int(seed[0]))
-        return mi.Float(len(seeds))
-
-    def samples(launch: Any) -> tuple[Any, ...]:
-        assert float(launch.shared[0]) == (77 if shared else len(seeds))
-        value = mi.Float(launch.pixel) + 10 * mi.Float(launch.index)
-        L = mi.Color3f(value, 2 * value, 3 * value)
-        return L, -0.5 * L, (launch.index & 1) == 0, mi.Point2f(0)
-
-    film = mi.load_dict(
-        {"type": "hdrfilm", "width": 3, "height": 2, "rfilter": {"type": "box"}, "pixel_format": "rgba"}
-    )
-    film.prepare([])
-    few, counts = 2, np.array([[3, 0, 8], [1, 4, 20]])
-    first = np.full((2, 3, 5), 4.0, dtype=np.float32)
-    first[..., 3:] = [0.5, 1]
-    for share in (None, mi.Float([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])):
-        some = view(3, 2)
-        some.film, some.launcher.samples, some.launcher.light_samples = film, samples, light_samples
-        one = mi.Float(77) if shared else None
-        seeds.clear()
-        passes = list(some.later(first, few, counts, mi.UInt32(5), mi.Float(0), one, share))
-        assert len(seeds) == len(set(seeds)) == (0 if shared else len(passes)) and (len(passes) > 1) == (room == 12)
-        numbers = [spp for _, spp, _ in passes]
-        assert numbers == sorted(numbers) and numbers[-1] == pytest.approx(few + counts.mean())
-        kept = 1 - 0.5 * (0 if share is None else share.numpy())
-        image = passes[-1][0]
-        for pixel, count in enumerate(counts.ravel()):
-            index = np.arange(few, few + count)
-            values = np.concatenate([[4.0] * few, (pixel + 10 * index) * np.broadcast_to(kept, 6)[pixel]])
-            row, column = divmod(pixel, 3)
-            alpha = np.concatenate([[0.5] * few, index % 2 == 0])
-            red, *_, covered, weight = image[row, column]
-            assert (red, covered, weight) == pytest.approx((values.mean(), alpha.mean(), 1), rel=1e-5)
-            if count:
-                green = np.concatenate([[4.0] * few, 2 * values[few:]])
-                assert image[row, column, 1] == pytest.approx(green.mean(), rel=1e-5)
-
-
 @pytest.mark.parametrize(("rfilter", "alpha"), [("box", None), ("gaussian", None), ("box", 0.4)])
 def test_parts_of_a_pilot_are_means_of_their_samples(
     rfilter: str, alpha: float | None, monkeypatch: pytest.MonkeyPatch
@@ -151,9 +112,10 @@ def test_parts_of_a_pilot_are_means_of_their_samples(
     seen: list[Any] = []
     plan = "stratalux.integrators.automatic.view.plan_samples"
     monkeypatch.setattr(plan, lambda *arguments: seen.append(arguments))
-    pilot = Pilot(some, 8, 4, None, 0.25)
-    assert list(pilot.passes(mi.UInt32(0), 0.5)) == [8]
-    pilot.plan(0.5, 16)
+    pilot = Pilot(some, 8, 4, None, mi.UInt32(0), 0.5, 0.25)
+    assert len(pilot.launches) == 1
+    pilot.add(pilot.launch(0))
+    pilot.plan(16)
     (values, difference, dim, budget, least, footprint, marks, costs), pixel = seen[0], np.arange(6).reshape(2, 3)
     assert (dim, marks) == (0.5, ())
     assert [cost.numpy().tolist() for cost in costs] == ([[28, 36, 44, 52, 60, 68]] if rfilter == "box" else [])

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from ...sampling.points import mix
 from ..launches import Arrays, Launch, Maker
@@ -100,6 +101,8 @@ class TwoStages:
 
         def launch(k: int) -> Arrays:
             start, end = launches[k]
+            if (start == end).all():  # what was left has been rounded into the one before
+                return {"raw": np.zeros((view.height, view.width, view.channels))}
             samples = self._shared
             if samples is None:
                 samples = view.launcher.light_samples(mix(mix(seed) + mi.UInt32(k + 1)))

@@ -52,7 +52,8 @@ class Division:
     def __init__(self, counts: NDArray[np.int64], width: int, height: int) -> None:
         self._counts = counts.ravel()
         self._total = int(self._counts.sum())
-        self._rows = np.repeat((np.arange(height) + 0.5) / height, width)  # where fractions change
+        # Where fractions change. None is rounded up in the first row: of a pilot, each launch has something to do.
+        self._rows = np.repeat(np.arange(height) / height, width)
 
     def __len__(self) -> int:
         if self._total <= LAUNCH:
@@ -80,6 +81,11 @@ class View:
         self.film = launcher.sensor.film()
         self.width, self.height = (int(side) for side in self.film.crop_size())
         self.pixels = self.width * self.height
+
+    @property
+    def channels(self) -> int:
+        """Of what is put: colours, alpha where the film has it, and the weight."""
+        return 5 if self.film.create_block(mi.ScalarVector2u(1)).channel_count() > 4 else 4
 
     def at_once(self, spp: int) -> bool:
         """Whether one launch does for so many samples per pixel."""
@@ -122,7 +128,7 @@ class View:
         reach = 0 if filter.is_box_filter() else int(np.ceil(filter.radius() - 0.5))
         colours = [value[c % dr.size_v(mi.Spectrum)] * weight for c in range(3)]
         alphas = [dr.select(alpha, weight, 0) if dr.is_mask_v(alpha) else alpha * weight]
-        if self.film.create_block(mi.ScalarVector2u(1)).channel_count() < 5:
+        if self.channels < 5:
             alphas = []
         sums = ExactSums(self.pixels, 4 * most * (2 * reach + 1) ** 2)
         sums.begin(colours, [*alphas, weight])
