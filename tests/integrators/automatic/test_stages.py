@@ -53,7 +53,8 @@ def test_later_samples_follow_those_of_the_pilot(room: int, varied: bool, monkey
         memory |= {"level": np.zeros(6, np.float32), "share": share, "learned": np.zeros(1, np.float32)}
     stages = TwoStages(view, few, 8, mi.UInt32(5), 0.0, memory, varied=varied)
     passes = list(stages.passes(here))[1:]
-    assert len(seeds) == len(set(seeds)) == len(passes) and (len(passes) > 1) == (room == 12)
+    assert len(seeds) == len(set(seeds)) and len(passes) - len(seeds) in (0, 1)  # one launch may have nothing left
+    assert (len(passes) > 1) == (room == 12)
     numbers = [spp for _, spp, _ in passes]
     assert numbers == sorted(numbers) and numbers[-1] == pytest.approx(few + counts.mean())
     kept = 1 - 0.5 * share if varied else np.ones(6)
