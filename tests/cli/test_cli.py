@@ -717,7 +717,7 @@ def test_a_few_samples_less_than_asked_for_are_no_interruption() -> None:
     """Where the samples of a pixel follow its error, their mean comes out near what was asked for."""
     from types import SimpleNamespace
 
-    from stratalux.cli.watch import watch
+    from stratalux.cli.watch import Watched, watch
 
     done = SimpleNamespace(
         spp=63,
@@ -730,4 +730,4 @@ def test_a_few_samples_less_than_asked_for_are_no_interruption() -> None:
         enough=False,
         share=63 / 64,
     )
-    assert watch(lambda: iter([done]), None, quiet=True) == (done, 0)
+    assert watch(lambda: iter([done]), None, quiet=True) == Watched(done, 0, "")

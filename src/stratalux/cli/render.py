@@ -84,6 +84,7 @@ def render(
       stratalux render truck.glb --env studio.hdr --orbit 60,20 --background blur:5 -o truck.jpg
       stratalux render demo --target-error 0.01 -o demo.exr
       stratalux render demo --time 8h --checkpoint night.checkpoint -o demo.exr
+      stratalux render demo --spp 4096 --cluster tcp://scheduler:8786 -o demo.exr
       stratalux render part.stl --up z --env studio.hdr --material metal --strata 32 --proposals 8
       stratalux render demo --technique importance:samples=32,proposals=128 -o importance.png
       stratalux render matpreview.xml -D spp=64 --env forest.hdr --env-rotate 90 -o preview.exr
@@ -113,7 +114,8 @@ def render(
         check_writable(kept)
     picture = PictureSettings(scene, camera, sampling, image, machine)
     keeper = Keeper(kept, checkpoint is not None, checkpoint_every, expected=resume is not None)
-    result, stopped = watch(lambda: _passes(picture, paths, resume, verbose), keeper, quiet=quiet)
+    watched = watch(lambda: _passes(picture, paths, resume, verbose), keeper, quiet=quiet)
+    result, stopped = watched.result, watched.stopped
     if result is None:
         print("stratalux: interrupted before the first pass was done; nothing to keep", file=sys.stderr)
         sys.exit(128 + stopped)
@@ -134,8 +136,8 @@ def render(
         size = f"; the object is {result.measure}" if result.measure else ""
         error = "" if result.error is None else f"; relative standard error of a pixel {100 * result.error:.2g} %"
         click.echo("wrote " + ", ".join(map(str, paths)) + exposed + size + error)
-    if lost_places:
-        raise InputError("; ".join(lost_places))
+    if lost_places or watched.failed:
+        raise InputError("; ".join([*([watched.failed] if watched.failed else []), *lost_places]))
     if stopped:
         sys.exit(128 + stopped)
 

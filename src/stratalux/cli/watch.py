@@ -7,9 +7,11 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..errors import InputError
 from .progress import progress_bar
 
 if TYPE_CHECKING:
@@ -63,13 +65,20 @@ class Keeper:
         self._kept, self._failed = True, False
 
 
-def watch(
-    start: Callable[[], Iterator[RenderResult]], keeper: Keeper | None, *, quiet: bool
-) -> tuple[RenderResult | None, int]:
-    """Run the passes that ``start`` gives; the last result, and the signal that ended it early, or 0."""
+@dataclass(frozen=True)
+class Watched:
+    """The last ``result``, the signal that has ``stopped`` it, or 0, and why it has ``failed``, or nothing."""
+
+    result: RenderResult | None
+    stopped: int
+    failed: str
+
+
+def watch(start: Callable[[], Iterator[RenderResult]], keeper: Keeper | None, *, quiet: bool) -> Watched:
+    """Run the passes that ``start`` gives. Raises :class:`InputError` as long as there is no result."""
     from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    caught = 0
+    caught, told = 0, False
 
     def stop(number: int, _: object) -> None:
         nonlocal caught
@@ -89,7 +98,7 @@ def watch(
     )
     previous = {number: signal.getsignal(number) for number in _SIGNALS}
     # Where the samples of a pixel follow its error, there may be a few less in the end than asked for.
-    result, complete = None, False
+    result, complete, failed = None, False, ""
     try:
         with progress_bar(*columns, quiet=quiet) as progress:
             task = progress.add_task("loading", total=1.0, spp="", rate="")
@@ -101,6 +110,9 @@ def watch(
             for result in passes:
                 rate = f"{(result.camera_rays + result.shadow_rays) / max(result.seconds, 1e-9) / 1e6:.1f} M rays/s"
                 progress.update(task, completed=result.share, spp=_said(result), rate=rate)
+                if result.workers and not told and not quiet:
+                    _tell(f"cluster: {result.workers}")
+                    told = True
                 if keeper is not None:
                     keeper.after(result)
                 if caught:
@@ -108,12 +120,16 @@ def watch(
                     break
             else:
                 complete = True
+    except InputError as error:
+        if result is None:
+            raise
+        failed = str(error)
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
     if result is not None and keeper is not None:
         keeper.end(result, complete)
-    return result, 0 if complete else caught
+    return Watched(result, 0 if complete else caught, failed)
 
 
 def _said(result: RenderResult) -> str:

@@ -56,7 +56,7 @@ class RenderResult:
     whether the scene's film asks for numbers of 32 bits in files. ``variant``: of Mitsuba. ``earlier_seconds``:
     that it took before it went on from a checkpoint. ``noise``: see :meth:`~..integrators.sums.Sums.noise`.
     ``checkpoint``: what goes on from here, see :class:`~.checkpoint.Checkpoint`; there is none with an integrator of a
-    program's own.
+    program's own. ``workers``: those of a cluster, in words, and where they are watched.
     """
 
     bitmap: mi.Bitmap
@@ -76,6 +76,7 @@ class RenderResult:
     earlier_seconds: float = 0.0
     variant: str = ""
     checkpoint: Callable[[], Checkpoint] | None = None
+    workers: str = ""
 
     @cached_property
     def error(self) -> float | None:
@@ -250,7 +251,7 @@ def _render_passes(
         resume.check(identity())
         memory = resume.memory
     shows = cache(partial(object_pixels, scene, camera)) if loaded.measure else None
-    with _maker(files, picture, identity) as make:
+    with _maker(files, picture, identity) as (make, workers):
         for (total, done, noise), elapsed, compile_time in _timed(made.steps.all(memory, make)):
             compiling += compile_time
             seconds += elapsed - compile_time
@@ -271,6 +272,7 @@ def _render_passes(
                 noise=noise,
                 variant=mi.variant(),
                 earlier_seconds=0.0 if resume is None else resume.seconds,
+                workers=workers,
             )
             if identity is not None:
                 result.checkpoint = partial(_checkpoint, identity, memory, result.total_seconds)
@@ -298,11 +300,11 @@ def _timed(passes: Iterator[Step]) -> Iterator[tuple[Step, float, float]]:
 @contextmanager
 def _maker(
     files: Iterable[Path], picture: PictureSettings, identity: Callable[[], dict[str, Any]] | None
-) -> Iterator[Maker]:
-    """Who makes the launches of a picture."""
+) -> Iterator[tuple[Maker, str]]:
+    """Who makes the launches of a picture, and who that is in words, if it is a cluster."""
     where = picture.machine.cluster
     if where is None:
-        yield here
+        yield here, ""
         return
     if identity is None:
         raise InputError("cluster: an integrator of a program's own is not there; leave one of them out")
@@ -313,7 +315,7 @@ def _maker(
 
     job = Job.of(picture, files, identity())
     with cluster(where, mi.variant()) as workers:
-        yield workers.maker(job)
+        yield workers.maker(job), str(workers)
 
 
 def _checkpoint(identity: Callable[[], dict[str, Any]], memory: Memory, seconds: float) -> Checkpoint:

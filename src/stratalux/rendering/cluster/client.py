@@ -8,6 +8,7 @@ that is lost, or that does not answer, is given to another, and of several answe
 
 from __future__ import annotations
 
+import importlib.util
 import logging
 import os
 import warnings
@@ -16,6 +17,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from uuid import uuid4
 
@@ -48,14 +50,7 @@ def cluster(where: str, variant: str) -> Iterator[Cluster]:
     quiet = {"distributed.logging.distributed": "critical", "distributed.admin.large-graph-warning-threshold": "1TB"}
     with dask.config.set(quiet):
         if where.startswith("local:"):
-            processes = int(where[6:])
-            threads = max(1, (os.cpu_count() or 1) // processes)
-            with (
-                LocalCluster(  # type: ignore[no-untyped-call]
-                    processes, threads, processes=True, dashboard_address=None, silence_logs=logging.CRITICAL
-                ) as local,
-                Client(local, set_as_default=False) as client,  # type: ignore[no-untyped-call]
-            ):
+            with _processes(where) as local, Client(local, set_as_default=False) as client:  # type: ignore[no-untyped-call]
                 yield Cluster(where, client, variant)
             return
         try:
@@ -64,6 +59,18 @@ def cluster(where: str, variant: str) -> Iterator[Cluster]:
             raise InputError(f"cluster {where}: there is no scheduler ({' '.join(str(error).split())[:100]})") from None
         with client:
             yield Cluster(where, client, variant)
+
+
+def _processes(where: str) -> LocalCluster:
+    """As many as that says, which share the processors."""
+    count = int(where.removeprefix("local:"))
+    threads = max(1, (os.cpu_count() or 1) // count)
+    try:
+        return LocalCluster(  # type: ignore[no-untyped-call]
+            n_workers=count, threads_per_worker=threads, dashboard_address=":0", silence_logs=logging.CRITICAL
+        )
+    except (RuntimeError, OSError, Late) as error:
+        raise InputError(f"cluster {where}: cannot be started ({' '.join(str(error).split())[:100]})") from None
 
 
 @dataclass
@@ -87,6 +94,11 @@ class Cluster:
             warnings.warn(f"cluster {where}: waiting for its first worker", SceneWarning, stacklevel=4)
             client.wait_for_workers(1)  # type: ignore[no-untyped-call]
 
+    def __str__(self) -> str:
+        count = self._workers
+        dashboard = f"; dashboard {self._client.dashboard_link}" if importlib.util.find_spec("bokeh") else ""
+        return f"{count} worker{'s' if count != 1 else ''}{dashboard}"
+
     @property
     def _workers(self) -> int:
         return len(self._client.nthreads())  # type: ignore[no-untyped-call]
@@ -101,16 +113,13 @@ class Cluster:
         future: Future = self._client.submit(function, *arguments, key=key, pure=False, **options)  # type: ignore[no-untyped-call]
         return future
 
-    def send(self, job: Job, hashes: list[str]) -> None:
-        """Send files that a worker lacks; others may fetch them from it."""
+    def sent(self, job: Job, hashes: list[str]) -> dict[str, Future]:
+        """Files that a worker lacks, on their way, by the hashes of their contents."""
         for file in job.files:
-            if file.sha256 in hashes and file.sha256 not in self._files:
+            future = self._files.get(file.sha256)
+            if file.sha256 in hashes and (future is None or future.status not in ("pending", "finished")):
                 self._files[file.sha256] = self.submit(held, Path(file.path).read_bytes())
-
-    @property
-    def sent(self) -> dict[str, str]:
-        """The keys of files that are on their way, by the hash of their content."""
-        return {sha256: str(future.key) for sha256, future in self._files.items()}
+        return {sha256: self._files[sha256] for sha256 in hashes}
 
     def lost(self, why: str) -> InputError:
         """The error that says so."""
@@ -172,8 +181,8 @@ class Maker:
         finally:
             self._cluster.forget([future for batch in batches for task in batch for future in task.futures])
 
-    def _give(self, task: _Task, stage: str, about: _Known) -> None:
-        arguments = self._job, self._cluster.sent, stage, about.future, task.first, task.last
+    def _give(self, task: _Task, stage: str, about: _Known, files: Mapping[str, Future] = MappingProxyType({})) -> None:
+        arguments = self._job, dict(files), stage, about.future, task.first, task.last
         task.futures.append(self._cluster.submit(made, *arguments, resources={RESOURCE: 1}))
 
     def _gathered(self, batch: list[_Task], stage: str, about: _Known) -> Arrays:
@@ -204,8 +213,9 @@ class Maker:
                 self._cluster.check()
                 waited += _PATIENCE / 8
                 if waited > max(_PATIENCE, _TIMES * self._longest):
-                    for task in set(open_.values()):
-                        self._give(task, stage, about)
+                    for task in batch:
+                        if task.first not in done:
+                            self._give(task, stage, about)
                     waited = 0.0
                 continue
             for future, task in open_.items():
@@ -225,12 +235,12 @@ class Maker:
         if isinstance(error, InputError):
             raise error
         if isinstance(error, Missing):
-            self._cluster.send(self._job, error.hashes)
-        else:
-            task.tries += 1
-            if task.tries >= _TRIES:
-                raise self._cluster.lost(f"launch {task.first} of {stage} has failed {_TRIES} times ({error})")
-            about.renew()
+            self._give(task, stage, about, self._cluster.sent(self._job, error.hashes))
+            return
+        task.tries += 1
+        if task.tries >= _TRIES:
+            raise self._cluster.lost(f"launch {task.first} of {stage} has failed {_TRIES} times ({error})")
+        about.renew()
         self._give(task, stage, about)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -24,6 +24,9 @@ class Missing(Exception):
     def __init__(self, hashes: list[str]) -> None:
         super().__init__(hashes)
         self.hashes = hashes
+
+    def __str__(self) -> str:
+        return f"{len(self.hashes)} files are to be sent"
 
 
 @dataclass(frozen=True)
@@ -79,11 +82,11 @@ class Job:
         )
 
 
-def found(job: Job, content: Callable[[str], bytes | None]) -> dict[str, str]:
+def found(job: Job, contents: Mapping[str, bytes]) -> dict[str, str]:
     """The job's files on this machine, by their names where it was asked for.
 
     They are used where they are if this machine has the very same; else they are put into the cache once, as
-    ``content`` has them by their hash. Raises :class:`Missing` for those that are nowhere.
+    ``contents`` has them by their hashes. Raises :class:`Missing` for those that are nowhere.
     """
     if all(_is_here(file) for file in job.files):
         return {file.path: file.path for file in job.files}
@@ -93,12 +96,11 @@ def found(job: Job, content: Callable[[str], bytes | None]) -> dict[str, str]:
         kept = folder / "files" / file.sha256
         if kept.is_file() and kept.stat().st_size == file.size:
             continue
-        data = content(file.sha256)
-        if data is None:
+        if file.sha256 not in contents:
             missing.append(file.sha256)
-        else:
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            write_atomically(kept, partial(_write, data))
+            continue
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(kept, partial(_write, contents[file.sha256]))
     if missing:
         raise Missing(missing)
     # Files name each other by where they are: the same folders again, below one of the job's own.

@@ -13,7 +13,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from distributed import Future, WorkerPlugin, get_client
+from distributed import WorkerPlugin
 
 from ...errors import InputError
 from ...integrators.launches import Arrays, Launch, together
@@ -54,17 +54,12 @@ class Renderer(WorkerPlugin):
         await worker.set_resources(**{RESOURCE: 1})
 
 
-def made(job: Job, files: Mapping[str, str], stage: str, known: Mapping[str, Any], first: int, last: int) -> Arrays:
+def made(job: Job, files: Mapping[str, bytes], stage: str, known: Mapping[str, Any], first: int, last: int) -> Arrays:
     """The sum of the launches from ``first`` up to ``last``, and the ``seconds`` that they took.
 
-    ``files``: keys of those that are on their way to the workers, by the hash of their content.
+    ``files``: contents of those that a worker has lacked, by their hashes.
     """
-
-    def content(sha256: str) -> bytes | None:
-        data: bytes | None = Future(files[sha256], get_client()).result() if sha256 in files else None
-        return data
-
-    return _renderer.submit(_made, job, found(job, content), stage, known, first, last).result()
+    return _renderer.submit(_made, job, found(job, files), stage, known, first, last).result()
 
 
 def added(one: Arrays, other: Arrays) -> Arrays:
