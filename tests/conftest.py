@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,8 +18,17 @@ settings.register_profile("tests", deadline=None, derandomize=True, suppress_hea
 settings.load_profile("tests")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def what_is_imported_stays() -> None:
+    """Nobody has to look through it for garbage again."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(autouse=True)
-def variant() -> Iterator[None]:
+def variant(what_is_imported_stays: None) -> Iterator[None]:
+    """And without the scenes of others: Dr.Jit traces all objects that live, and compiles a kernel anew beside them."""
+    gc.collect()
     mi.set_variant(RGB)
     yield
 
