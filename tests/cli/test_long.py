@@ -56,6 +56,7 @@ def pixels(path: Path) -> np.ndarray:
     return np.array(mi.Bitmap(str(path)))
 
 
+@pytest.mark.slow
 def test_killed_and_gone_on_with_it_is_the_same_picture(tmp_path: Path) -> None:
     """Bit for bit. Killed twice: in the beginning, and after it went on."""
     assert run(tmp_path, *PICTURE, "-o", "whole.exr")[0] == 0
