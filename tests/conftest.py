@@ -19,10 +19,12 @@ settings.load_profile("tests")
 
 
 @pytest.fixture(scope="session", autouse=True)
-def what_is_imported_stays() -> None:
-    """Nobody has to look through it for garbage again."""
+def what_is_imported_stays() -> Iterator[None]:
+    """Nobody has to look through it for garbage again, until the end."""
     gc.collect()
     gc.freeze()
+    yield
+    gc.unfreeze()
 
 
 @pytest.fixture(autouse=True)

@@ -121,6 +121,8 @@ def shown(command: str) -> list[list[str]]:
 
 
 def test_the_rig(network: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in {"SPHERES": (24, 8), "OBJECT": (12, 8), "_SPP": 4, "_SPP_OF_ALL": 4, "_DETAIL": 1}.items():
+        monkeypatch.setattr(f"stratalux.comparison.rig_scenes.{name}", value)
     assert run(monkeypatch, "assets", "fetch", "venice", "--assets", "data") == 0
     for words in shown("rig"):
         assert run(monkeypatch, *words) == 0
