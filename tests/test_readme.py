@@ -19,6 +19,7 @@ import pytest
 
 import stratalux.cli.assets  # noqa: F401  (knows the names of the real registry)
 from stratalux.assets import ASSETS, Asset, AssetFile
+from stratalux.scenes.camera import sensor
 from tests.helpers import hall_map, run
 from tests.scenes.formats.gltf_files import Gltf
 
@@ -95,6 +96,7 @@ def commands(text: str) -> list[list[str]]:
 
 def test_the_three_ways_to_use_it(network: None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stratalux.scenes.load.USUAL_SIZE", (60, 40))
+    monkeypatch.setattr("stratalux.scenes.load.sensor", partial(sensor, spp=4))
     said: dict[str, Any] = {}
     for language, text in blocks("Three ways to use it"):
         if language == "python":
