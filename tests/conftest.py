@@ -18,12 +18,14 @@ settings.register_profile("tests", deadline=None, derandomize=True, suppress_hea
 settings.load_profile("tests")
 
 
-@pytest.fixture(scope="session", autouse=True)
-def what_is_imported_stays() -> Iterator[None]:
-    """Nobody has to look through it for garbage again, until the end."""
+@pytest.fixture(scope="module", autouse=True)
+def what_is_imported_stays() -> None:
+    """No later test looks through it for garbage again."""
     gc.collect()
     gc.freeze()
-    yield
+
+
+def pytest_sessionfinish() -> None:
     gc.unfreeze()
 
 
