@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,8 +18,21 @@ settings.register_profile("tests", deadline=None, derandomize=True, suppress_hea
 settings.load_profile("tests")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def what_is_imported_stays() -> None:
+    """No later test looks through it for garbage again."""
+    gc.collect()
+    gc.freeze()
+
+
+def pytest_sessionfinish() -> None:
+    gc.unfreeze()
+
+
 @pytest.fixture(autouse=True)
-def variant() -> Iterator[None]:
+def variant(what_is_imported_stays: None) -> Iterator[None]:
+    """And without the scenes of others: Dr.Jit traces all objects that live, and compiles a kernel anew beside them."""
+    gc.collect()
     mi.set_variant(RGB)
     yield
 

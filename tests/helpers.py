@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import warnings
 from functools import cache
@@ -128,6 +129,7 @@ def scene_dict(
 
 def runs(scene: mi.Scene, integrator: dict[str, Any] | mi.Integrator, spp: int, count: int, seed: int) -> NDArray[Any]:
     """``count`` independent images (count, H, W, C), float64."""
+    gc.collect()  # kernels are compiled for all scenes that live
     if isinstance(integrator, dict):
         integrator = mi.load_dict(integrator)
     images = [np.array(mi.render(scene, integrator=integrator, spp=spp, seed=seed + k)) for k in range(count)]

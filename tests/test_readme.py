@@ -19,6 +19,7 @@ import pytest
 
 import stratalux.cli.assets  # noqa: F401  (knows the names of the real registry)
 from stratalux.assets import ASSETS, Asset, AssetFile
+from stratalux.scenes.camera import sensor
 from tests.helpers import hall_map, run
 from tests.scenes.formats.gltf_files import Gltf
 
@@ -95,6 +96,7 @@ def commands(text: str) -> list[list[str]]:
 
 def test_the_three_ways_to_use_it(network: None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stratalux.scenes.load.USUAL_SIZE", (60, 40))
+    monkeypatch.setattr("stratalux.scenes.load.sensor", partial(sensor, spp=4))
     said: dict[str, Any] = {}
     for language, text in blocks("Three ways to use it"):
         if language == "python":
@@ -121,6 +123,8 @@ def shown(command: str) -> list[list[str]]:
 
 
 def test_the_rig(network: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in {"SPHERES": (24, 8), "OBJECT": (12, 8), "_SPP": 4, "_SPP_OF_ALL": 4, "_DETAIL": 1}.items():
+        monkeypatch.setattr(f"stratalux.comparison.rig_scenes.{name}", value)
     assert run(monkeypatch, "assets", "fetch", "venice", "--assets", "data") == 0
     for words in shown("rig"):
         assert run(monkeypatch, *words) == 0

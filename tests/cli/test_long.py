@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from tests.helpers import PATIENCE
+from tests.helpers import run as command
 
 PICTURE = ("demo", "--size", "64x48", "--direct", "--spp", "768", "--float32")
 """Several launches; seconds."""
@@ -56,6 +57,7 @@ def pixels(path: Path) -> np.ndarray:
     return np.array(mi.Bitmap(str(path)))
 
 
+@pytest.mark.slow
 def test_killed_and_gone_on_with_it_is_the_same_picture(tmp_path: Path) -> None:
     """Bit for bit. Killed twice: in the beginning, and after it went on."""
     assert run(tmp_path, *PICTURE, "-o", "whole.exr")[0] == 0
@@ -86,13 +88,16 @@ def test_a_signal_keeps_what_is_done(name: str, tmp_path: Path) -> None:
     assert pixels(tmp_path / "a.exr").mean() > 0
 
 
-def test_another_picture_is_refused(tmp_path: Path) -> None:
-    small = ("demo", "--size", "8x6", "--direct", "-o", "a.exr")
-    assert run(tmp_path, *small, "--spp", "4", "--checkpoint", "c.checkpoint")[0] == 0
-    code, said = run(tmp_path, *small, "--spp", "8", "--resume", "c.checkpoint")
-    assert code == 2 and "c.checkpoint: belongs to another picture: spp was 4 and is 8" in said
-    code, said = run(tmp_path, *small, "--spp", "8", "--resume", "missing.checkpoint")
-    assert code == 2 and "missing.checkpoint: cannot be read" in said
+def test_another_picture_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    small = ("render", "demo", "--size", "8x6", "--direct", "-o", "a.exr")
+    assert command(monkeypatch, *small, "--spp", "4", "--checkpoint", "c.checkpoint") == 0
+    assert command(monkeypatch, *small, "--spp", "8", "--resume", "c.checkpoint") == 2
+    assert "c.checkpoint: belongs to another picture: spp was 4 and is 8" in capfd.readouterr().err
+    assert command(monkeypatch, *small, "--spp", "8", "--resume", "missing.checkpoint") == 2
+    assert "missing.checkpoint: cannot be read" in capfd.readouterr().err
 
 
 def test_where_the_place_has_gone_the_image_is_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ python -m tests.fuzz.scene_worker FOLDER FIRST LAST: those with the numbers from
 
 from __future__ import annotations
 
+import gc
 import os
 import resource
 import sys
@@ -30,7 +31,10 @@ def main(folder: Path, first: int, last: int) -> None:
     told = os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # some plugins of Mitsuba print there
     print("begun", file=told, flush=True)
+    gc.collect()
+    gc.freeze()  # what is imported
     for number in range(first, last):
+        gc.collect()  # kernels are compiled for all scenes that live
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         Path("scene.xml").write_bytes(damaged_scene(number))
         found = wrong()

@@ -41,7 +41,7 @@ print("the same")
 """Threads add up in another order, so that the last digits may differ."""
 
 
-@pytest.mark.parametrize("count", [2, 4])
+@pytest.mark.parametrize("count", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_threads_render_what_one_does(count: int) -> None:
     root = Path(__file__).parents[2]
     env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(root), os.environ.get("PYTHONPATH", "")])}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -126,8 +127,14 @@ def demo_scene(
         },
     }
     if emitter is None:
-        emitter = {"type": "envmap", "bitmap": mi.Bitmap(demo_map(height))}
+        emitter = {"type": "envmap", "bitmap": mi.Bitmap(_map_once(height))}
     return stage(demo_mesh(), material, emitter, size, spp)
+
+
+@lru_cache(maxsize=1)
+def _map_once(height: int) -> Array:
+    """:func:`demo_map`, which takes about a second, for scenes one after the other."""
+    return demo_map(height)
 
 
 def _radiance(directions: Array) -> Array:
@@ -139,16 +146,21 @@ def _radiance(directions: Array) -> Array:
     x, y, z = directions * np.min(reach, axis=0)
     along: Array = np.where(wall == 0, z, x)
 
-    radiance = np.where((wall == 1)[..., None], _slab(x, y, z), _wall(along, y))
+    level = wall == 1
+    radiance = np.empty((*wall.shape, 3), dtype=np.float32)
+    radiance[level], radiance[~level] = _slab(x[level], y[level], z[level]), _wall(along[~level], y[~level])
     for axis, side, centre, sill, width, tall, colour in _WINDOWS:
         on_wall = (wall == (0 if axis == "x" else 2)) & ((x if axis == "x" else z) * side > 0)
-        radiance[on_wall & _arch(along - centre, y - sill, width, tall)] = colour
+        on_wall[on_wall] = _arch(along[on_wall] - centre, y[on_wall] - sill, width, tall)
+        radiance[on_wall] = colour
 
     centre_x, centre_y, size, colour = _ROSE
-    distance = np.hypot(x - centre_x, y - centre_y)
-    petals = np.abs(np.sin(4 * np.arctan2(y - centre_y, x - centre_x))) * distance > 0.05
-    glass = (distance < size) & petals & (np.abs(distance - 0.38 * size) > 0.04)
-    radiance[(wall == 2) & (z < 0) & glass] = colour
+    on_wall = (wall == 2) & (z < 0)
+    across, above = x[on_wall] - centre_x, y[on_wall] - centre_y
+    distance = np.hypot(across, above)
+    petals = np.abs(np.sin(4 * np.arctan2(above, across))) * distance > 0.05
+    on_wall[on_wall] = (distance < size) & petals & (np.abs(distance - 0.38 * size) > 0.04)
+    radiance[on_wall] = colour
 
     towards, angle, colour = _LAMP
     lamp = np.array(towards, dtype=np.float32) / np.float32(np.linalg.norm(towards))
