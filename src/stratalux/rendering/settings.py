@@ -44,7 +44,7 @@ def _duration(value: Any) -> float:
 
 def _cluster(value: Any) -> str:
     text = str(value)
-    if re.fullmatch(r"local:[1-9]\d{0,3}|[a-z]+://\S+", text):
+    if re.fullmatch(r"local:[1-9]\d{0,3}|(tcp|tls|ucx|wss?)://\S+", text):
         return text
     raise InputError(f"cluster: {text!r} is none; give the address of a scheduler, as tcp://HOST:8786, or local:N")
 

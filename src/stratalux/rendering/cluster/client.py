@@ -31,6 +31,7 @@ from ...integrators.launches import Arrays, Launch
 from .job import Job, Missing
 from .worker import RESOURCE, Renderer, added, held, made
 
+_LOCAL = "local:"
 _SHORTEST = 1.0
 """Seconds that a task takes at least, where there is enough to do: less is lost between tasks."""
 _TRANSFERS = 20
@@ -47,9 +48,10 @@ _CONNECT = "30s"
 @contextmanager
 def cluster(where: str, variant: str) -> Iterator[Cluster]:
     """The cluster at the address ``where``, or ``local:N``. Raises :class:`InputError` if there is none."""
-    quiet = {"distributed.logging.distributed": "critical", "distributed.admin.large-graph-warning-threshold": "1TB"}
-    with dask.config.set(quiet):
-        if where.startswith("local:"):
+    for name in ("distributed", "distributed.client", "distributed.worker", "distributed.nanny"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is told in one line
+    with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"}):
+        if where.startswith(_LOCAL):
             with _processes(where) as local, Client(local, set_as_default=False) as client:  # type: ignore[no-untyped-call]
                 yield Cluster(where, client, variant)
             return
@@ -63,7 +65,7 @@ def cluster(where: str, variant: str) -> Iterator[Cluster]:
 
 def _processes(where: str) -> LocalCluster:
     """As many as that says, which share the processors."""
-    count = int(where.removeprefix("local:"))
+    count = int(where.removeprefix(_LOCAL))
     threads = max(1, (os.cpu_count() or 1) // count)
     try:
         return LocalCluster(  # type: ignore[no-untyped-call]
@@ -89,7 +91,8 @@ class Cluster:
     def __init__(self, where: str, client: Client, variant: str) -> None:
         self._where, self._client = where, client
         self._files: dict[str, Future] = {}
-        client.register_plugin(Renderer(variant))  # type: ignore[no-untyped-call]
+        self._alone = False
+        client.register_plugin(Renderer(variant, where.startswith(_LOCAL)))  # type: ignore[no-untyped-call]
         if not self._workers:
             warnings.warn(f"cluster {where}: waiting for its first worker", SceneWarning, stacklevel=4)
             client.wait_for_workers(1)  # type: ignore[no-untyped-call]
@@ -131,9 +134,14 @@ class Cluster:
         return max(1, self._workers)
 
     def check(self) -> None:
-        """Raise :class:`InputError` if nobody is there any more."""
+        """Raise :class:`InputError` if nobody is there any more, and say so if nobody is there now."""
         if self._client.status != "running":
             raise self.lost("the connection to the scheduler is lost")
+        if self._workers:
+            self._alone = False
+        elif not self._alone:
+            warnings.warn(f"cluster {self._where}: no worker is left; waiting for others", SceneWarning, stacklevel=5)
+            self._alone = True
 
     def wait(self, futures: list[Future], seconds: float) -> None:
         """Until one of them has an answer. Raises :class:`Late`."""
@@ -218,6 +226,8 @@ class Maker:
                             self._give(task, stage, about)
                     waited = 0.0
                 continue
+            except (CancelledError, OSError):
+                self._cluster.check()
             for future, task in open_.items():
                 if future.status == "finished":
                     done.setdefault(task.first, future)

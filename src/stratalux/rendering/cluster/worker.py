@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import socket
 import time
 from collections import OrderedDict
@@ -42,11 +43,13 @@ class Renderer(WorkerPlugin):
 
     idempotent = True
 
-    def __init__(self, variant: str) -> None:
+    def __init__(self, variant: str, local: bool) -> None:
         self.name = f"stratalux-{variant}"
-        self._variant = variant
+        self._variant, self._local = variant, local
 
     async def setup(self, worker: Any) -> None:
+        if self._local:  # Ctrl-C reaches all processes of a terminal; it is the first one's to stop
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
         dr.set_thread_count(worker.state.nthreads)
         choose_variant(self._variant)
         mi.load_dict({"type": "scene", "shape": {"type": "sphere"}})
