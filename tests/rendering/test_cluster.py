@@ -1,0 +1,175 @@
+"""Renders on a Dask cluster: processes of this machine, which the tests start and end."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import stratalux
+from stratalux import InputError
+from stratalux.rendering.settings import PictureSettings
+from tests.helpers import hall_map, scene_dict
+from tests.scenes.formats.gltf_files import Gltf
+
+distributed = pytest.importorskip("distributed")
+SEVERAL = {"size": (120, 80), "spp": 256, "seed": 3, "direct": True}
+"""A picture of several launches."""
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:
+        yield cluster.scheduler_address
+
+
+def model(folder: Path) -> dict[str, Any]:
+    """A model with a map, and a picture behind it: three files."""
+    file = Gltf()
+    corners = [[-1, 0, -1], [1, 0, -1], [0, 0, 1], [0, 1.5, 0]]
+    triangles = np.array([0, 1, 2, 0, 3, 1, 1, 3, 2, 2, 3, 0], dtype=np.uint16)
+    file.add("scenes", nodes=[file.show(file.primitive(corners, triangles))])
+    file.write(folder / "model.glb")
+    mi.Bitmap(hall_map(32, 64)).write(str(folder / "map.exr"))
+    mi.Bitmap(np.full((8, 12, 3), 0.3, dtype=np.float32)).write(str(folder / "plate.exr"))
+    names = {"scene": "model.glb", "environment": "map.exr", "background": "plate.exr"}
+    return {key: str(folder / name) for key, name in names.items()}
+
+
+def test_the_picture_is_the_same(scheduler: str) -> None:
+    """Bit for bit here, as sums of one launch of a few come out alike in any order; to rounding anywhere."""
+    alone = stratalux.render("demo", **SEVERAL)
+    passes = list(stratalux.render_passes("demo", **SEVERAL, cluster=scheduler))
+    assert len(passes) > 2 and passes[-1].workers.startswith("2 workers")
+    assert passes[-1].spp == alone.spp
+    np.testing.assert_allclose(passes[-1].image, alone.image, rtol=1e-5, atol=1e-6)
+    assert passes[-1].picture is not None and passes[-1].picture.machine.cluster == scheduler
+
+
+def test_a_model_of_several_files_and_paths(scheduler: str, tmp_path: Path) -> None:
+    shown = {**model(tmp_path), "size": (24, 16), "spp": 4}
+    here, there = (stratalux.render(**shown, cluster=where) for where in (None, scheduler))
+    np.testing.assert_allclose(there.image, here.image, rtol=1e-5, atol=1e-6)
+
+
+def test_what_was_begun_here_goes_on_there(scheduler: str) -> None:
+    *_, first, _, _ = stratalux.render_passes("demo", **SEVERAL)
+    begun = next(p for p in stratalux.render_passes("demo", **SEVERAL) if p.spp >= first.spp)
+    assert begun.checkpoint is not None
+    rest = stratalux.render("demo", **SEVERAL, cluster=scheduler, resume=begun.checkpoint())
+    np.testing.assert_allclose(rest.image, stratalux.render("demo", **SEVERAL).image, rtol=1e-5, atol=1e-6)
+
+
+def test_techniques_that_know_of_no_stages(scheduler: str) -> None:
+    asked = {"size": (24, 16), "spp": 8, "technique": "importance:samples=4,proposals=8"}
+    here, there = (stratalux.render("demo", **asked, cluster=where) for where in (None, scheduler))
+    np.testing.assert_allclose(there.image, here.image, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [("map", "0", "has another map; install"), ("versions", {"mitsuba": "2.0"}, r"has .*mitsuba.* instead of .*2\.0")],
+)
+def test_a_worker_that_would_render_another_picture(
+    scheduler: str, name: str, value: Any, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from stratalux.rendering.cluster.job import Job
+
+    of = Job.of
+
+    def changed(*arguments: Any) -> Job:
+        job = of(*arguments)
+        return Job(job.picture, job.files, json.dumps({**json.loads(job.identity), name: value}))
+
+    monkeypatch.setattr(Job, "of", changed)
+    with pytest.raises(InputError, match=f"cluster: the worker on .* {message}"):
+        stratalux.render("demo", size=(12, 8), spp=1, cluster=scheduler)
+
+
+def test_files_go_by_their_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from stratalux.rendering.cluster.job import File, Job, Missing, found
+
+    monkeypatch.setenv("STRATALUX_CACHE", str(tmp_path / "cache"))
+    names = model(tmp_path)
+    source, environment, background = names.values()
+    picture = PictureSettings.of(source, environment=environment, background=background)
+    identity = {"map": "m", "scene": "s", "versions": {}}
+    job = Job.of(picture, [Path(name) for name in names.values()], identity)
+    assert found(job, {}) == {name: name for name in names.values()}  # all are here
+
+    contents = {file.sha256: Path(file.path).read_bytes() for file in job.files}
+    elsewhere = Job(job.picture, tuple(File(f.path, f.sha256, f.size) for f in job.files), job.identity)
+    for name in names.values():
+        Path(name).unlink()
+    with pytest.raises(Missing) as missing:
+        found(elsewhere, {})
+    assert sorted(missing.value.hashes) == sorted(contents)
+    paths = found(elsewhere, contents)
+    for file in job.files:
+        assert Path(paths[file.path]).read_bytes() == contents[file.sha256]
+        assert Path(paths[file.path]).name == Path(file.path).name
+    assert found(elsewhere, {}) == paths  # what is there is kept
+    shown = elsewhere.settings(paths).scene
+    assert shown is not None
+    assert (shown.source, shown.environment, shown.background) == tuple(paths[name] for name in names.values())
+
+
+def test_what_only_a_program_has_is_refused() -> None:
+    scene = mi.load_dict(scene_dict())
+    with pytest.raises(InputError, match="cluster: the scene was loaded by a program; give its file"):
+        stratalux.render(scene, spp=1, cluster="local:1")
+    with pytest.raises(InputError, match="cluster: an integrator of a program's own"):
+        stratalux.render("demo", size=(6, 4), spp=1, integrator=mi.load_dict({"type": "direct"}), cluster="local:1")
+    with pytest.raises(InputError, match="cluster: the map was made by a program; give its file"):
+        own = stratalux.EnvironmentMap.from_array(hall_map(16, 32))
+        stratalux.render("demo", size=(6, 4), spp=1, environment=own, cluster="local:1")
+
+
+@pytest.mark.parametrize("where", ["local:0", "local", "host", "http://host", "tcp://"])
+def test_what_is_no_cluster(where: str) -> None:
+    with pytest.raises(InputError, match=r"cluster: .* is none; give the address of a scheduler"):
+        stratalux.render("demo", cluster=where)
+
+
+def test_packages_that_are_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "distributed" else find(name))
+    with pytest.raises(InputError, match=r"needs more packages: pip install 'stratalux\[cluster\]'"):
+        stratalux.render("demo", size=(6, 4), spp=1, cluster="local:1")
+
+
+@pytest.mark.slow
+def test_workers_that_die_all_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every 5 s one is killed; what it was at is done by others, and counts once."""
+    psutil = pytest.importorskip("psutil")
+    asked = {"size": (600, 400), "spp": 1024, "seed": 5, "strata": 16, "proposals": 4}
+    over = threading.Event()
+    killed: list[int] = []
+
+    def kill() -> None:
+        while not over.wait(5):
+            mine = psutil.Process().children(recursive=True)
+            workers = [p for p in mine if "spawn_main" in " ".join(p.cmdline())]
+            if workers:
+                killed.append(workers[len(killed) % len(workers)].pid)
+                psutil.Process(killed[-1]).kill()
+
+    passes = stratalux.render_passes("demo", **asked, cluster="local:2")
+    last = next(passes)
+    thread = threading.Thread(target=kill, daemon=True)
+    thread.start()
+    try:
+        for last in passes:  # noqa: B007
+            pass
+    finally:
+        over.set()
+        thread.join()
+    assert len(killed) > 3 and last.spp == 1024
+    np.testing.assert_allclose(last.image, stratalux.render("demo", **asked).image, rtol=1e-4, atol=1e-6)
