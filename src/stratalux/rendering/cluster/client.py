@@ -29,7 +29,7 @@ from distributed.scheduler import KilledWorker
 from ...errors import InputError, SceneWarning
 from ...integrators.launches import Arrays, Launch
 from .job import Job, Missing
-from .worker import RESOURCE, Renderer, added, held, made
+from .worker import RESOURCE, Renderer, added, held, made, prepared
 
 _LOCAL = "local:"
 _SHORTEST = 1.0
@@ -42,6 +42,8 @@ _PATIENCE, _TIMES = 120.0, 10
 """Seconds, and times the longest wait so far, after which a task without an answer goes to another worker, too."""
 _TRIES = 10
 """Of a task, until its failure is told."""
+_AHEAD = 3
+"""Tasks for each worker that wait or are under way."""
 _CONNECT = "30s"
 
 
@@ -116,6 +118,11 @@ class Cluster:
         future: Future = self._client.submit(function, *arguments, key=key, pure=False, **options)  # type: ignore[no-untyped-call]
         return future
 
+    def everywhere(self, function: Any, *arguments: Any) -> list[Future]:
+        """The same task for each worker that is there now."""
+        addresses = self._client.nthreads()  # type: ignore[no-untyped-call]
+        return [self.submit(function, *arguments, workers=[address]) for address in addresses]
+
     def sent(self, job: Job, hashes: list[str]) -> dict[str, Future]:
         """Files that a worker lacks, on their way, by the hashes of their contents."""
         for file in job.files:
@@ -160,6 +167,8 @@ class Maker:
     def __init__(self, cluster: Cluster, job: Job) -> None:
         self._cluster, self._job = cluster, job
         self._longest = 0.0
+        # The others load the scene while the first one is at the first launch.
+        self._ready = cluster.everywhere(prepared, job)
 
     def __call__(
         self, stage: str, known: Mapping[str, Any], first: int, count: int, launch: Launch
@@ -169,7 +178,7 @@ class Maker:
         each = 1  # Launches of a task
         try:
             while first < count or batches:
-                while first < count and sum(map(len, batches)) < 2 * self._cluster.width:
+                while first < count and sum(map(len, batches)) < _AHEAD * self._cluster.width:
                     # The first one is a launch, so that what begins with it is the same everywhere.
                     tasks = 1 if first == 0 else self._cluster.width
                     batch = []
@@ -191,7 +200,8 @@ class Maker:
 
     def _give(self, task: _Task, stage: str, about: _Known, files: Mapping[str, Future] = MappingProxyType({})) -> None:
         arguments = self._job, dict(files), stage, about.future, task.first, task.last
-        task.futures.append(self._cluster.submit(made, *arguments, resources={RESOURCE: 1}))
+        # Those that come first are done first: their sum is what is waited for.
+        task.futures.append(self._cluster.submit(made, *arguments, resources={RESOURCE: 1}, priority=-task.first))
 
     def _gathered(self, batch: list[_Task], stage: str, about: _Known) -> Arrays:
         """The sum of what a batch brings."""

@@ -9,6 +9,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from typing import Any
 
 import drjit as dr
@@ -25,7 +26,7 @@ from ..identity import differences
 from ..ready import ready
 from ..steps import Steps
 from ..variants import choose_variant
-from .job import Job, found
+from .job import Job, Missing, found
 
 RESOURCE = "stratalux"
 """Of a worker: it makes launches of one task at a time, with all of its threads."""
@@ -63,6 +64,12 @@ def made(job: Job, files: Mapping[str, bytes], stage: str, known: Mapping[str, A
     ``files``: contents of those that a worker has lacked, by their hashes.
     """
     return _renderer.submit(_made, job, found(job, files), stage, known, first, last).result()
+
+
+def prepared(job: Job) -> None:
+    """Load the scene, if its files are here."""
+    with suppress(Missing):
+        _renderer.submit(_loaded, job, found(job, {})).result()
 
 
 def added(one: Arrays, other: Arrays) -> Arrays:
