@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import json
+import os
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,16 +20,37 @@ from stratalux import InputError
 from stratalux.rendering.settings import PictureSettings
 from tests.helpers import hall_map, scene_dict
 from tests.scenes.formats.gltf_files import Gltf
+from tests.variants import RGB
 
 distributed = pytest.importorskip("distributed")
-SEVERAL = {"size": (120, 80), "spp": 256, "seed": 3, "direct": True}
-"""A picture of several launches."""
+SEVERAL = {"size": (24, 16), "spp": 64, "seed": 3}
+"""A picture of several launches, of those that are small."""
+_LAUNCH = 3000
+
+
+def _set(module: str, name: str, value: Any) -> None:
+    mi.set_variant(RGB)
+    setattr(importlib.import_module(module), name, value)
+
+
+def _set_environment(name: str, value: str) -> None:
+    os.environ[name] = value
 
 
 @pytest.fixture(scope="module")
-def scheduler() -> Iterator[str]:
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:
-        yield cluster.scheduler_address
+def workers() -> Iterator[Any]:
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        client.run(_set, "stratalux.integrators.automatic.view", "LAUNCH", _LAUNCH)
+        yield client
+
+
+@pytest.fixture
+def scheduler(workers: Any, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", _LAUNCH)
+    return str(workers.scheduler.address)
 
 
 def model(folder: Path) -> dict[str, Any]:
@@ -43,13 +66,19 @@ def model(folder: Path) -> dict[str, Any]:
     return {key: str(folder / name) for key, name in names.items()}
 
 
+def _never(file: Any) -> bool:
+    return False
+
+
 def test_the_picture_is_the_same(scheduler: str) -> None:
-    """Bit for bit here, as sums of one launch of a few come out alike in any order; to rounding anywhere."""
-    alone = stratalux.render("demo", **SEVERAL)
+    """To the rounding of sums, whoever has made which part of it; also if it was begun here."""
+    alone = [(p.checkpoint(), p) for p in stratalux.render_passes("demo", **SEVERAL) if p.checkpoint]
     passes = list(stratalux.render_passes("demo", **SEVERAL, cluster=scheduler))
-    assert len(passes) > 2 and passes[-1].workers.startswith("2 workers")
-    assert passes[-1].spp == alone.spp
-    np.testing.assert_allclose(passes[-1].image, alone.image, rtol=1e-5, atol=1e-6)
+    rest = stratalux.render("demo", **SEVERAL, cluster=scheduler, resume=alone[-3][0])
+    assert len(alone) > 4 < len(passes) and passes[-1].workers.startswith("2 workers")
+    for there in (passes[-1], rest):
+        assert there.spp == alone[-1][1].spp
+        np.testing.assert_allclose(there.image, alone[-1][1].image, rtol=1e-5, atol=1e-6)
     assert passes[-1].picture is not None and passes[-1].picture.machine.cluster == scheduler
 
 
@@ -59,12 +88,15 @@ def test_a_model_of_several_files_and_paths(scheduler: str, tmp_path: Path) -> N
     np.testing.assert_allclose(there.image, here.image, rtol=1e-5, atol=1e-6)
 
 
-def test_what_was_begun_here_goes_on_there(scheduler: str) -> None:
-    *_, first, _, _ = stratalux.render_passes("demo", **SEVERAL)
-    begun = next(p for p in stratalux.render_passes("demo", **SEVERAL) if p.spp >= first.spp)
-    assert begun.checkpoint is not None
-    rest = stratalux.render("demo", **SEVERAL, cluster=scheduler, resume=begun.checkpoint())
-    np.testing.assert_allclose(rest.image, stratalux.render("demo", **SEVERAL).image, rtol=1e-5, atol=1e-6)
+def test_workers_without_the_files_are_sent_them(
+    workers: Any, scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job, shown = "stratalux.rendering.cluster.job", {**model(tmp_path), "size": (24, 16), "spp": 2}
+    workers.run(_set, job, "_is_here", _never)
+    workers.run(_set_environment, "STRATALUX_CACHE", str(tmp_path / "cache"))
+    here, there = (stratalux.render(**shown, cluster=where) for where in (None, scheduler))
+    np.testing.assert_allclose(there.image, here.image, rtol=1e-5, atol=1e-6)
+    assert len(list((tmp_path / "cache" / "cluster" / "files").iterdir())) == 3
 
 
 def test_techniques_that_know_of_no_stages(scheduler: str) -> None:
@@ -75,10 +107,10 @@ def test_techniques_that_know_of_no_stages(scheduler: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "value", "message"),
-    [("map", "0", "has another map; install"), ("versions", {"mitsuba": "2.0"}, r"has .*mitsuba.* instead of .*2\.0")],
+    [("map", "0", "has another map; install"), ("mitsuba", "2.0", rf"has mitsuba {mi.__version__} instead of 2\.0")],
 )
 def test_a_worker_that_would_render_another_picture(
-    scheduler: str, name: str, value: Any, message: str, monkeypatch: pytest.MonkeyPatch
+    scheduler: str, name: str, value: str, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from stratalux.rendering.cluster.job import Job
 
@@ -86,7 +118,9 @@ def test_a_worker_that_would_render_another_picture(
 
     def changed(*arguments: Any) -> Job:
         job = of(*arguments)
-        return Job(job.picture, job.files, json.dumps({**json.loads(job.identity), name: value}))
+        identity = json.loads(job.identity)
+        (identity if name in identity else identity["versions"])[name] = value
+        return Job(job.picture, job.files, json.dumps(identity))
 
     monkeypatch.setattr(Job, "of", changed)
     with pytest.raises(InputError, match=f"cluster: the worker on .* {message}"):

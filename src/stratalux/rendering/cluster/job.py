@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -67,19 +67,12 @@ class Job:
 
     def settings(self, paths: Mapping[str, str]) -> PictureSettings:
         """Those of the picture, with files as they are called here."""
-        picture = PictureSettings.from_text(self.picture)
-        assert picture.scene is not None
-        shown = picture.scene
-
-        def here(name: str) -> str:
-            return paths.get(os.path.abspath(name), name)
-
-        environment = here(shown.environment) if isinstance(shown.environment, str) else shown.environment
-        background = here(shown.background)
-        return replace(
-            picture,
-            scene=replace(shown, source=here(shown.source), environment=environment, background=background),
-        )
+        content = json.loads(self.picture)
+        for name in ("source", "environment", "background"):
+            said = content["scene"].get(name)
+            if said is not None:
+                content["scene"][name] = paths.get(os.path.abspath(said), said)
+        return PictureSettings.from_json(content)
 
 
 def found(job: Job, contents: Mapping[str, bytes]) -> dict[str, str]:
