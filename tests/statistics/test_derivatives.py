@@ -29,7 +29,7 @@ CASES = {
     "plastic": ("plastic", "ball.bsdf.diffuse_reflectance.value"),
     "roughness of principled": ("principled", "ball.bsdf.roughness.value"),
 }
-QUICK: list[Any] = ["reflectance", "map", "map's scale", "texture", "roughness of principled"]
+QUICK: list[Any] = ["reflectance", "map", "roughness of principled"]
 SLOW = [pytest.param(case, marks=pytest.mark.slow) for case in CASES if case not in QUICK]
 STEP = 0.02
 

@@ -147,7 +147,7 @@ CASES = [
     ("room", 3, SLOW),
     ("room", -1, SLOW),
     ("sun", 8, SLOW),
-    ("lamp", 8, ()),
+    ("lamp", 8, SLOW),
     ("caustics", 8, SLOW),
 ]
 
