@@ -10,10 +10,6 @@ shift
 report='--durations=10 --durations-min=1'
 sampled='tests/statistics tests/integrators tests/sampling'
 log=$(mktemp)
-# They share the processors: threads of one that wait for work would take time from the other.
-processors=$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2)
-STRATALUX_TEST_THREADS=$(((processors + 1) / 2))
-export STRATALUX_TEST_THREADS
 # Both in the background: a signal ends a wait at once, and then them, where Dr.Jit would make a failed test of it.
 # shellcheck disable=SC2086  # several words
 "$python" -m pytest $report $sampled "$@" >"$log" 2>&1 &
