@@ -51,7 +51,7 @@ class Renderer(WorkerPlugin):
     async def setup(self, worker: Any) -> None:
         if self._local:  # Ctrl-C reaches all processes of a terminal; it is the first one's to stop
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-        dr.set_thread_count(worker.state.nthreads)
+        dr.set_thread_count(max(2, worker.state.nthreads))  # with one, Mitsuba waits for ever when it writes OpenEXR
         choose_variant(self._variant)
         mi.load_dict({"type": "scene", "shape": {"type": "sphere"}})
         _renderer.submit(nobody_else_renders).result()
