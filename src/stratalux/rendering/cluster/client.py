@@ -24,7 +24,6 @@ from uuid import uuid4
 import dask
 from distributed import CancelledError, Client, Future, LocalCluster, wait
 from distributed import TimeoutError as Late
-from distributed.scheduler import KilledWorker
 
 from ...errors import InputError, SceneWarning
 from ...integrators.launches import Arrays, Launch
@@ -213,8 +212,7 @@ class Maker:
             try:
                 total: Arrays = done[0].result()  # type: ignore[no-untyped-call]
                 return total
-            except (KilledWorker, CancelledError, OSError) as error:
-                self._cluster.check()
+            except Exception as error:  # of a worker: whatever it is, others may do better
                 for task in batch:
                     self._again(task, stage, about, error)
 
