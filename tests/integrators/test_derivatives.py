@@ -69,7 +69,7 @@ def test_same_samples_same_derivative(ours: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("ours", [AUTOMATIC, pytest.param(PINNED, marks=pytest.mark.slow)], ids=["automatic", "pinned"])
-@pytest.mark.parametrize("name", ["map", "principled", pytest.param("plastic", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["map", *(pytest.param(n, marks=pytest.mark.slow) for n in ("principled", "plastic"))])
 def test_forward_and_backward_agree(name: str, ours: dict[str, Any]) -> None:
     """Along one direction, for one seed, weighted over the picture by random numbers."""
     of, key = scene(name), PARAMETERS[name][1]
@@ -90,7 +90,7 @@ def test_forward_and_backward_agree(name: str, ours: dict[str, Any]) -> None:
 
 
 @both
-@pytest.mark.parametrize("key", ["sky.data", "sky.scale"])
+@pytest.mark.parametrize("key", ["sky.data", pytest.param("sky.scale", marks=pytest.mark.slow)])
 def test_light_can_be_learned_from_none(key: str, ours: dict[str, Any]) -> None:
     """At 0, the derivative of a map times t is the picture that it makes."""
     lit = mi.load_dict(scene_dict("roughplastic", np.ones((8, 16, 3), dtype=np.float32), size=(12, 8)))

@@ -82,12 +82,6 @@ def test_the_picture_is_the_same(scheduler: str) -> None:
     assert passes[-1].picture is not None and passes[-1].picture.machine.cluster == scheduler
 
 
-def test_a_model_of_several_files_and_paths(scheduler: str, tmp_path: Path) -> None:
-    shown = {**model(tmp_path), "size": (24, 16), "spp": 4}
-    here, there = (stratalux.render(**shown, cluster=where) for where in (None, scheduler))
-    np.testing.assert_allclose(there.image, here.image, rtol=1e-5, atol=1e-6)
-
-
 def test_workers_without_the_files_are_sent_them(
     workers: Any, scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

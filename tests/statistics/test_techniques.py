@@ -20,7 +20,7 @@ RUNS = 32
 MATERIALS = ("diffuse", "roughconductor")
 VARIATIONS = {
     "stratified:strata=16,bsdf_samples=1": "roughconductor",
-    "stratified:strata=5,proposals=8,bsdf_samples=3": "roughconductor",
+    "stratified:strata=5,proposals=8,bsdf_samples=3": None,
     "importance:samples=1": None,
     "importance:samples=7,sequence=independent": None,
     "importance:samples=4,proposals=32": None,

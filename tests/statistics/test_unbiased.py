@@ -62,6 +62,7 @@ def test_with_an_area_light(material: str) -> None:
     assert_same_mean(runs(scene, stratified(16, 4), 128, RUNS, 0), reference(material, lit_by_lamp=True))
 
 
+@pytest.mark.slow
 def test_with_a_point_light_and_hidden_emitters() -> None:
     spot = {"type": "point", "position": [1, 3, 2], "intensity": {"type": "rgb", "value": [2, 3, 4]}}
     description = scene_dict("roughplastic", lamp=lamp(), spot=spot)

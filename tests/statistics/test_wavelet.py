@@ -94,7 +94,9 @@ CONFIGURATIONS: dict[str, tuple[Any, ...]] = {
 }
 
 
-@pytest.mark.parametrize("name", list(CONFIGURATIONS))
+@pytest.mark.parametrize(
+    "name", [n if n != "32x32" else pytest.param(n, marks=pytest.mark.slow) for n in CONFIGURATIONS]
+)
 def test_directions_follow_the_pdf(name: str) -> None:
     material, texels, normal, towards, resolution = CONFIGURATIONS[name]
     p_value, total = chi_square(*product(material, texels(), normal, towards, resolution=resolution))
@@ -180,12 +182,14 @@ def test_difficult_maps(texels: Any) -> None:
     assert_same_mean(runs(scene, wavelet(16), 128, RUNS, 0), small_direct("roughplastic", texels()))
 
 
+@pytest.mark.slow
 def test_with_an_area_light_and_delta_lobes() -> None:
     scene = small_scene("plastic", lamp=lamp())
     assert_same_mean(runs(scene, wavelet(16), 128, RUNS, 0), small_direct("plastic", lamp=lamp()))
 
 
-@pytest.mark.parametrize("variant", [MONO, pytest.param(SPECTRAL, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", [MONO, SPECTRAL])
 def test_other_variants(variant: str) -> None:
     mi.set_variant(variant)
     scene = small_scene("roughplastic")
