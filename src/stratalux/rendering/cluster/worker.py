@@ -63,13 +63,13 @@ def made(job: Job, files: Mapping[str, bytes], stage: str, known: Mapping[str, A
 
     ``files``: contents of those that a worker has lacked, by their hashes.
     """
-    return _renderer.submit(_made, job, found(job, files), stage, known, first, last).result()
+    return _renderer.submit(_made, job, files, stage, known, first, last).result()
 
 
 def prepared(job: Job) -> None:
     """Load the scene, if its files are here."""
     with suppress(Missing):
-        _renderer.submit(_loaded, job, found(job, {})).result()
+        _renderer.submit(_loaded, job, {}).result()
 
 
 def added(one: Arrays, other: Arrays) -> Arrays:
@@ -82,8 +82,8 @@ def held(value: Any) -> Any:
     return value
 
 
-def _made(job: Job, paths: Mapping[str, str], stage: str, known: Mapping[str, Any], first: int, last: int) -> Arrays:
-    launch = _launch(job, paths, stage, known)
+def _made(job: Job, files: Mapping[str, bytes], stage: str, known: Mapping[str, Any], first: int, last: int) -> Arrays:
+    launch = _launch(job, files, stage, known)
     start = time.perf_counter()
     total = launch(first)
     for k in range(first + 1, last):
@@ -91,16 +91,17 @@ def _made(job: Job, paths: Mapping[str, str], stage: str, known: Mapping[str, An
     return {**total, "seconds": np.array(time.perf_counter() - start)}
 
 
-def _launch(job: Job, paths: Mapping[str, str], stage: str, known: Mapping[str, Any]) -> Launch:
+def _launch(job: Job, files: Mapping[str, bytes], stage: str, known: Mapping[str, Any]) -> Launch:
     place = job.key, stage
     if place not in _launches:
-        steps = _loaded(job, paths)
+        steps = _loaded(job, files)
         _launches[place] = steps.launch(stage, dict(known))
     return _launches[place]
 
 
-def _loaded(job: Job, paths: Mapping[str, str]) -> Steps:
+def _loaded(job: Job, files: Mapping[str, bytes]) -> Steps:
     if job.key not in _steps:
+        paths = found(job, files)  # once: it reads all of them
         while len(_steps) >= _SCENES:
             gone, _ = _steps.popitem(last=False)
             for place in [place for place in _launches if place[0] == gone]:
