@@ -105,8 +105,8 @@ class Automatic(AutomaticSample):
     def _passes(
         self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int, memory: Memory, make: Maker
     ) -> Iterator[tuple[Pixels, float, Noise]]:
-        (part,) = self._parts(scene, sensor, seed, spp or sensor.sampler().sample_count(), memory).items()
-        yield from part[1].passes(of_part(make, part[0]))
+        parts = self._parts(scene, sensor, seed, spp or sensor.sampler().sample_count(), memory)
+        yield from parts["direct"].passes(of_part(make, "direct"))
 
     @one_at_a_time
     def launch(
