@@ -20,9 +20,8 @@ import mitsuba as mi
 import numpy as np
 
 import stratalux
-from stratalux.integrators.automatic.view import LAUNCH
 from stratalux.integrators.launches import together
-from stratalux.rendering.cluster import client
+from stratalux.rendering.cluster.client import launches_of_a_task
 
 SIZE, SPP = (3840, 2160), 4096
 WORKERS = (1, 10, 100, 1000)
@@ -77,7 +76,7 @@ def simulated(
     for stage in stages:
         one = stage.seconds / cores
         transfer = stage.bytes / bandwidth
-        each = max(1, round(max(client._SHORTEST, client._TRANSFERS * transfer) / one))
+        each = launches_of_a_task(one, stage.bytes, bandwidth)
         free = [now] * workers
         heapq.heapify(free)
         left, done = stage.launches, now
@@ -111,6 +110,8 @@ def main() -> None:
     parser.add_argument("--cores", type=int, default=16, help="of a worker")
     options = parser.parse_args()
     mi.set_variant("llvm_ad_rgb")
+    from stratalux.integrators.automatic.view import LAUNCH  # of the active variant
+
     preparation, stages = measured()
     print(f"{SIZE[0]}x{SIZE[1]}, {SPP} spp, launches of {LAUNCH} samples; preparation {preparation:.1f} s")
     for stage in stages:

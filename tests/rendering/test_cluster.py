@@ -82,9 +82,7 @@ def test_the_picture_is_the_same(scheduler: str) -> None:
     assert passes[-1].picture is not None and passes[-1].picture.machine.cluster == scheduler
 
 
-def test_workers_without_the_files_are_sent_them(
-    workers: Any, scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_workers_without_the_files_are_sent_them(workers: Any, scheduler: str, tmp_path: Path) -> None:
     job, shown = "stratalux.rendering.cluster.job", {**model(tmp_path), "size": (24, 16), "spp": 2}
     workers.run(_set, job, "_is_here", _never)
     workers.run(_set_environment, "STRATALUX_CACHE", str(tmp_path / "cache"))
@@ -122,7 +120,7 @@ def test_a_worker_that_would_render_another_picture(
 
 
 def test_files_go_by_their_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from stratalux.rendering.cluster.job import File, Job, Missing, found
+    from stratalux.rendering.cluster.job import Job, Missing, found
 
     monkeypatch.setenv("STRATALUX_CACHE", str(tmp_path / "cache"))
     names = model(tmp_path)
@@ -133,18 +131,17 @@ def test_files_go_by_their_content(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert found(job, {}) == {name: name for name in names.values()}  # all are here
 
     contents = {file.sha256: Path(file.path).read_bytes() for file in job.files}
-    elsewhere = Job(job.picture, tuple(File(f.path, f.sha256, f.size) for f in job.files), job.identity)
     for name in names.values():
         Path(name).unlink()
     with pytest.raises(Missing) as missing:
-        found(elsewhere, {})
+        found(job, {})
     assert sorted(missing.value.hashes) == sorted(contents)
-    paths = found(elsewhere, contents)
+    paths = found(job, contents)
     for file in job.files:
         assert Path(paths[file.path]).read_bytes() == contents[file.sha256]
         assert Path(paths[file.path]).name == Path(file.path).name
-    assert found(elsewhere, {}) == paths  # what is there is kept
-    shown = elsewhere.settings(paths).scene
+    assert found(job, {}) == paths  # what is there is kept
+    shown = job.settings(paths).scene
     assert shown is not None
     assert (shown.source, shown.environment, shown.background) == tuple(paths[name] for name in names.values())
 
@@ -174,7 +171,7 @@ def test_packages_that_are_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
-def test_workers_that_die_all_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_that_die_all_the_time() -> None:
     """Every 5 s one is killed; what it was at is done by others, and counts once."""
     psutil = pytest.importorskip("psutil")
     asked = {"size": (600, 400), "spp": 1024, "seed": 5, "strata": 16, "proposals": 4}

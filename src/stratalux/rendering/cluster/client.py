@@ -160,6 +160,11 @@ class Cluster:
             self._client.cancel(futures, force=True)  # type: ignore[no-untyped-call]
 
 
+def launches_of_a_task(seconds: float, size: int, bandwidth: float = _BANDWIDTH) -> int:
+    """How many, if each takes so many ``seconds`` and their sum has so many bytes."""
+    return max(1, round(max(_SHORTEST, _TRANSFERS * size / bandwidth) / max(seconds, 1e-6)))
+
+
 class Maker:
     """See :class:`~...integrators.launches.Maker`."""
 
@@ -192,7 +197,7 @@ class Maker:
                 batches.popleft()
                 seconds = float(total.pop("seconds")) / (batch[-1].last - batch[0].first)
                 size = sum(value.nbytes for value in total.values())
-                each = max(1, round(max(_SHORTEST, _TRANSFERS * size / _BANDWIDTH) / max(seconds, 1e-6)))
+                each = launches_of_a_task(seconds, size)
                 yield batch[-1].last, total
         finally:
             self._cluster.forget([future for batch in batches for task in batch for future in task.futures])
