@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import gc
+import os
 from collections.abc import Iterator
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import pytest
 from hypothesis import HealthCheck, settings
@@ -16,6 +18,9 @@ from tests.variants import RGB
 # No example fails for being slow, and none is there because an earlier run had found it.
 settings.register_profile("tests", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("tests")
+
+if threads := os.environ.get("STRATALUX_TEST_THREADS"):
+    dr.set_thread_count(int(threads))
 
 
 @pytest.fixture(scope="module", autouse=True)

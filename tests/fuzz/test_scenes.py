@@ -29,7 +29,7 @@ def test_sound_scenes_are_sound(tmp_path: Path) -> None:
 
 
 def test_damaged_scenes(tmp_path: Path) -> None:
-    assert failures("scene_worker", tmp_path, 0, 120) == []
+    assert failures("scene_worker", tmp_path, 0, 90) == []
 
 
 @pytest.mark.slow

@@ -105,9 +105,9 @@ def close_up() -> dict[str, Any]:
 def test_launches_go_on_with_the_strata(monkeypatch: pytest.MonkeyPatch) -> None:
     """Several launches of one render are unbiased and, together, as well stratified as a single one."""
     whole = mi.load_dict(close_up())
-    at_once = runs(whole, OURS, 64, 2 * RUNS, 0)
+    at_once = runs(whole, OURS, 64, RUNS, 0)
     monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", 24 * 16 * 16)
-    in_parts = runs(whole, OURS, 64, 2 * RUNS, 50_000)
+    in_parts = runs(whole, OURS, 64, RUNS, 50_000)
     assert_same_mean(in_parts, direct(close_up(), emitter_samples=4))
     assert in_parts.var(axis=0).mean() < 1.2 * at_once.var(axis=0).mean()
 
@@ -117,7 +117,7 @@ def test_filters_wider_than_a_pixel(rfilter: str) -> None:
     """Samples count in several pixels, which have unequal numbers of them."""
     description = scene_dict("roughplastic")
     description["sensor"]["film"]["rfilter"] = {"type": rfilter}
-    assert_same_mean(runs(mi.load_dict(description), OURS, 32, 2 * RUNS, 0), direct(description))
+    assert_same_mean(runs(mi.load_dict(description), OURS, 64, RUNS, 0), direct(description))
 
 
 def test_strata_beat_the_same_number_of_samples_of_the_paper_scheme() -> None:
@@ -132,7 +132,7 @@ def test_strata_beat_the_same_number_of_samples_of_the_paper_scheme() -> None:
 def test_no_fireflies() -> None:
     """The largest value of a channel in any of many noisy images, against the largest one of the reference."""
     for material in ("diffuse", "roughconductor"):
-        images = runs(scene(material, texels=hall_map()), OURS, 4, 128, 0)
+        images = runs(scene(material, texels=hall_map()), OURS, 4, 64, 0)
         assert images.max() < 6 * reference(material).mean(axis=0).max()
 
 

@@ -102,7 +102,7 @@ SCENES = {
 @cache
 def reference(variant: str, name: str, properties: tuple[tuple[str, Any], ...]) -> NDArray[Any]:
     description = SCENES[name]()
-    spp = 1024
+    spp = 512
     description["sensor"]["sampler"] = {"type": "multijitter", "sample_count": spp}
     return runs(mi.load_dict(description), {"type": "path", **dict(properties)}, spp, RUNS, seed=20_000)
 

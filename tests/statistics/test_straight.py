@@ -43,9 +43,9 @@ def scene(material: str) -> dict[str, Any]:
 @cache
 def reference(material: str) -> NDArray[Any]:
     described = scene(material)
-    described["sensor"]["sampler"] = {"type": "multijitter", "sample_count": 4096}
+    described["sensor"]["sampler"] = {"type": "multijitter", "sample_count": 2048}
     path = {"type": "path", "max_depth": LAYERS, "rr_depth": LAYERS}
-    return runs(mi.load_dict(described), path, 4096, RUNS, seed=20_000)
+    return runs(mi.load_dict(described), path, 2048, RUNS, seed=20_000)
 
 
 @pytest.mark.parametrize("name", ["automatic", *(pytest.param(n, marks=pytest.mark.slow) for n in list(OURS)[1:])])

@@ -57,7 +57,7 @@ def test_no_bias(text: str, material: str) -> None:
     ("material", "text"),
     [
         ("plastic", "stratified:strata=8,bsdf_samples=2"),
-        ("mirror", "importance:samples=8,bsdf_samples=2"),
+        pytest.param("mirror", "importance:samples=8,bsdf_samples=2", marks=SLOW),
         pytest.param("mirror", "stratified:strata=8,bsdf_samples=2", marks=SLOW),
         pytest.param("plastic", "importance:samples=8,bsdf_samples=2", marks=SLOW),
     ],
@@ -65,7 +65,7 @@ def test_no_bias(text: str, material: str) -> None:
 def test_delta_lobes_are_counted_once(text: str, material: str) -> None:
     technique, given = parse_technique(text)
     scene = mi.load_dict(scene_dict(material))
-    assert_same_mean(runs(scene, technique.integrator(given), 256, RUNS, 0), reference(material))
+    assert_same_mean(runs(scene, technique.integrator(given), 128, RUNS, 0), reference(material))
 
 
 @SLOW
@@ -77,8 +77,9 @@ def test_area_lights_are_counted_once(text: str) -> None:
     assert_same_mean(ours, reference("roughconductor", lit_by_lamp=True))
 
 
+@SLOW
 @pytest.mark.parametrize("text", ["stratified:strata=8,bsdf_samples=1", "importance:samples=4,proposals=16"])
-@pytest.mark.parametrize("variant", [MONO, pytest.param(SPECTRAL, marks=SLOW)])
+@pytest.mark.parametrize("variant", [MONO, SPECTRAL])
 def test_other_variants(variant: str, text: str) -> None:
     mi.set_variant(variant)
     technique, given = parse_technique(text)

@@ -56,7 +56,7 @@ def test_delta_lobes(material: str) -> None:
     assert_same_mean(runs(scene, stratified(16, 4), 128, RUNS, 0), reference(material))
 
 
-@pytest.mark.parametrize("material", ["plastic", *(pytest.param(m, marks=SLOW) for m in ("diffuse", "roughconductor"))])
+@pytest.mark.parametrize("material", ["diffuse", *(pytest.param(m, marks=SLOW) for m in ("plastic", "roughconductor"))])
 def test_with_an_area_light(material: str) -> None:
     scene = mi.load_dict(scene_dict(material, lamp=lamp()))
     assert_same_mean(runs(scene, stratified(16, 4), 128, RUNS, 0), reference(material, lit_by_lamp=True))
@@ -87,11 +87,11 @@ def test_a_sun() -> None:
     assert_same_mean(ours, direct(description))
 
 
-@pytest.mark.parametrize("variant", [pytest.param(MONO, marks=pytest.mark.slow), SPECTRAL])
+@pytest.mark.parametrize("variant", [pytest.param(MONO, marks=SLOW), SPECTRAL])
 def test_other_variants(variant: str) -> None:
     mi.set_variant(variant)
     scene = mi.load_dict(scene_dict("roughplastic"))
-    assert_same_mean(runs(scene, stratified(16, 4), 128, RUNS, 0), reference("roughplastic"))
+    assert_same_mean(runs(scene, stratified(16, 4), 64, RUNS, 0), direct(scene_dict("roughplastic"), 256))
 
 
 @pytest.mark.parametrize("sampler", ["multijitter", "stratified", "orthogonal"])

@@ -163,6 +163,7 @@ def test_same_mean_as_direct(material: str, samples: int, resolution: int, spp: 
     assert_same_mean(runs(small_scene(material), ours, spp, RUNS, seed=0), reference(material))
 
 
+@pytest.mark.slow
 def test_a_fine_product() -> None:
     ours = wavelet(7, resolution=32)
     assert_same_mean(runs(small_scene("roughconductor"), ours, 64, RUNS, seed=0), reference("roughconductor"))
@@ -176,7 +177,9 @@ def test_the_test_has_teeth() -> None:
         assert_same_mean(images, reference("diffuse"))
 
 
-@pytest.mark.parametrize("texels", [sun_map, black_half], ids=["sun", "black half"])
+@pytest.mark.parametrize(
+    "texels", [sun_map, pytest.param(black_half, marks=pytest.mark.slow)], ids=["sun", "black half"]
+)
 def test_difficult_maps(texels: Any) -> None:
     scene = small_scene("roughplastic", texels())
     assert_same_mean(runs(scene, wavelet(16), 128, RUNS, 0), small_direct("roughplastic", texels()))
@@ -196,6 +199,7 @@ def test_other_variants(variant: str) -> None:
     assert_same_mean(runs(scene, wavelet(16), 128, RUNS, 0), small_direct("roughplastic"))
 
 
+@pytest.mark.slow
 def test_a_stratified_sampler() -> None:
     description = scene_dict("diffuse", size=SIZE)
     description["sensor"]["sampler"] = {"type": "multijitter", "sample_count": 256}

@@ -93,6 +93,7 @@ def render(
         CHECKPOINT,
         check_bits,
         check_different,
+        check_film,
         check_float32,
         check_output,
         check_writable,
@@ -105,6 +106,8 @@ def render(
     paths = [check_output(path) for path in outputs or (f"{Path(scene.source).stem}.exr",)]
     for path in paths:
         check_bits(path, image)
+        if camera.size is not None:
+            check_film(path, *camera.size)
     check_float32(paths, image)
     beside = paths[0].name if len(os.fsencode(paths[0].name)) < 240 else "stratalux"
     kept = Path(checkpoint or resume or paths[0].with_name(beside + CHECKPOINT))

@@ -142,7 +142,7 @@ def check_float32(paths: Sequence[str | Path], output: OutputSettings) -> None:
         raise InputError(f"--float32: no output has a choice of 32 bits; write one of {able}, or leave it out")
 
 
-def check_film(path: str | Path, width: int, height: int, channels: int) -> None:
+def check_film(path: str | Path, width: int, height: int, channels: int = 1) -> None:
     """Make sure, before any work is done, that the format of ``path`` can hold a film of that size."""
     kind = format_of(path)
     if channels > kind.channels:
