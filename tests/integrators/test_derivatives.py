@@ -130,9 +130,9 @@ def test_a_map_that_is_being_learned_is_left_as_it_is() -> None:
 @both
 def test_other_scenes_that_live_make_no_difference(ours: dict[str, Any]) -> None:
     of, key = scene("plastic"), PARAMETERS["plastic"][1]
-    alone = forward(of, ours, key, mi.Color3f(1), 4, 5)
+    alone = forward(of, ours, key, mi.Float(1), 4, 5)
     others = [scene(name) for name in ("map", "principled")]
-    np.testing.assert_allclose(forward(of, ours, key, mi.Color3f(1), 4, 5), alone, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(forward(of, ours, key, mi.Float(1), 4, 5), alone, rtol=1e-4, atol=1e-5)
     assert len(others) == 2
 
 

@@ -58,6 +58,23 @@ def test_another_picture_is_refused_by_what_differs(tmp_path: Path) -> None:
         stratalux.render(scene, spp=4, seed=3, resume=path)
 
 
+def test_what_is_no_parameter_is_compared(tmp_path: Path) -> None:
+    """A filter of the film, and a choice of a material, of a scene that a program made."""
+
+    def described(rfilter: str = "box", visible: bool = True) -> mi.Scene:
+        description = scene_dict("roughconductor")
+        description["ball"]["bsdf"] = {**description["ball"]["bsdf"], "sample_visible": visible}
+        description["sensor"]["film"]["rfilter"] = {"type": rfilter}
+        return mi.load_dict(description)
+
+    path = tmp_path / "a.checkpoint"
+    next(stratalux.render_passes(described(), spp=1)).checkpoint().save(path)
+    stratalux.render(described(), spp=1, resume=path)
+    for other in (described("tent"), described(visible=False)):
+        with pytest.raises(InputError, match="another picture: the scene is another one$"):
+            stratalux.render(other, spp=1, resume=path)
+
+
 def test_versions_are_compared(tmp_path: Path) -> None:
     scene = mi.load_dict(scene_dict())
     kept = next(stratalux.render_passes(scene, spp=4)).checkpoint()

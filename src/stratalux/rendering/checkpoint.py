@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +20,7 @@ from ..assets import sha256_of
 from ..errors import InputError
 from ..images.files import write_atomically
 from ..integrators.sums import Memory
-from .identity import add_parameters, differences
+from .identity import add_parameters, add_structure, differences
 from .settings import PictureSettings
 
 _ABOUT = "about"
@@ -77,14 +77,18 @@ def identity_of(scene: mi.Scene, picture: PictureSettings) -> dict[str, Any]:
     """All that a picture depends on: its settings, what its files held, and what computes it."""
     environment = scene.environment()
     of_map = " " if environment is None else f"{environment.id()}."  # No parameter begins with a space
+    whole, light = hashlib.sha256(), hashlib.sha256()
+    add_structure(whole, scene)
+    add_parameters(whole, scene, lambda name: not name.startswith(of_map))
+    add_parameters(light, scene, lambda name: name.startswith(of_map))
     content = picture.to_json()
     for group, names in _FREE.items():
         for name in list(content[group]) if names is None else names:
             content[group].pop(name, None)
     return {
         "settings": content,
-        "map": _digest(scene, lambda name: name.startswith(of_map)),
-        "scene": _digest(scene, lambda name: not name.startswith(of_map)),
+        "map": light.hexdigest(),
+        "scene": whole.hexdigest(),
         "file": _file(picture),
         "versions": {
             "stratalux": version("stratalux"),
@@ -92,12 +96,6 @@ def identity_of(scene: mi.Scene, picture: PictureSettings) -> dict[str, Any]:
             "drjit": dr.__version__,
         },
     }
-
-
-def _digest(scene: mi.Scene, wanted: Callable[[str], bool]) -> str:
-    digest = hashlib.sha256()
-    add_parameters(digest, scene, wanted)
-    return digest.hexdigest()
 
 
 def _file(picture: PictureSettings) -> str:

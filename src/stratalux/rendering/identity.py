@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Protocol
 
 import drjit as dr
 import mitsuba as mi
+
+_ADDRESS = re.compile(r"0x[0-9a-fA-F]+")
 
 
 class Digest(Protocol):
@@ -23,6 +26,16 @@ def add_parameters(digest: Digest, scene: mi.Scene, wanted: Callable[[str], bool
         content = _bytes(parameters[name])
         digest.update(f"\n{name} {len(content)} ".encode())
         digest.update(content)
+
+
+def add_structure(digest: Digest, scene: mi.Scene) -> None:
+    """Feed ``digest`` with what is no parameter: kinds of shapes and lights, choices of materials, films, filters."""
+    for thing in (*scene.shapes(), *scene.emitters(), *scene.sensors()):
+        digest.update(f"\n{thing.class_name()}".encode())
+    materials = (shape.bsdf() for shape in scene.shapes())
+    films = (sensor.film() for sensor in scene.sensors())
+    for described in map(str, (*filter(None, materials), *films)):
+        digest.update(_ADDRESS.sub("", f"\n{described}").encode())
 
 
 def _bytes(value: Any) -> bytes:
