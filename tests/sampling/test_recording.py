@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import gc
+import os
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import drjit as dr
@@ -110,6 +114,54 @@ def test_garbage_is_collected_again_where_it_was(enabled: bool) -> None:
         assert gc.isenabled() == enabled
     finally:
         gc.enable()
+
+
+def test_no_other_thread_gets_a_turn() -> None:
+    """As Dr.Jit's lock may be taken, which that might want: until this one waits."""
+    seen: list[float] = []
+    notes = type("Notes", (), {"take": staticmethod(lambda: seen.append(sys.getswitchinterval()))})
+
+    @recorded
+    def same(x: mi.Float) -> mi.Float:
+        notes.take()
+        return x + 1
+
+    before = sys.getswitchinterval()
+    same(values(1.0, 2.0))
+    assert seen == [recording._LONG] and sys.getswitchinterval() == before
+    with pytest.raises(KeyError), recording._no_other_thread():
+        raise KeyError
+    assert sys.getswitchinterval() == before
+
+
+PROGRAM = """
+import sys
+from dataclasses import dataclass
+import drjit as dr
+import mitsuba as mi
+mi.set_variant("llvm_ad_rgb")
+from stratalux.sampling.recording import recorded
+@dataclass
+class Things:
+    some: mi.Float
+    more: mi.Float
+add = recorded(lambda things: things.some + things.more)
+sys.setswitchinterval(1e-6)
+for n in range(20_000):
+    there = dr.arange(mi.Float, 64) + n
+    dr.eval(there)
+    things = Things(mi.Float(there.numpy()), dr.ones(mi.Float, 64))
+    del there
+    dr.eval(things)
+    dr.eval(add(things))
+"""
+
+
+@pytest.mark.slow
+def test_arrays_that_go_to_and_fro_end_no_program() -> None:
+    """By itself, ``drjit.freeze`` waits for ever in one of some thousand calls."""
+    command = [sys.executable, "-c", PROGRAM]
+    subprocess.run(command, cwd=Path(__file__).parents[2], env=os.environ, timeout=PATIENCE, check=True)
 
 
 def test_threads_take_turns() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -17,6 +18,8 @@ import mitsuba as mi
 Function = TypeVar("Function", bound=Callable[..., Any])
 Item = TypeVar("Item")
 
+_LONG = 30.0
+"""Seconds, more than Dr.Jit ever looks through arguments for."""
 _turn = threading.RLock()
 """Held by the thread that prepares or renders."""
 _users: WeakSet[threading.Thread] = WeakSet()
@@ -71,10 +74,26 @@ def recorded(function: Function, **options: Any) -> Function:
             variant = mi.variant()
             if variant not in recordings:
                 recordings[variant] = dr.freeze(function, **{"warn_after": 1 << 30, **options})
-            with no_garbage_collection():
+            with no_garbage_collection(), _no_other_thread():
                 return recordings[variant](*arguments)
 
     return call  # type: ignore[return-value]
+
+
+@contextmanager
+def _no_other_thread() -> Iterator[None]:
+    """Python goes on with this thread until it waits for something.
+
+    Dr.Jit looks through the arguments of what is recorded with a lock taken, by Python code too. A thread that got its
+    turn there and let go of an array would wait for that lock, and this thread for Python's: for ever (Dr.Jit 1.5.0).
+    Dr.Jit has such a thread itself, for arrays that came to it from NumPy, and to NumPy from Dr.Jit.
+    """
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(_LONG)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
 
 
 def living_bsdfs() -> list[mi.BSDF]:

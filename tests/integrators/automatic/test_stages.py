@@ -71,6 +71,13 @@ def test_later_samples_follow_those_of_the_pilot(room: int, varied: bool, monkey
             assert image[row, column, 1] == pytest.approx(green.mean(), rel=1e-5)
 
 
+def owned(array: np.ndarray) -> bool:
+    """Whether its memory is NumPy's, and not that of an array of Dr.Jit's."""
+    while isinstance(array.base, np.ndarray):
+        array = array.base
+    return array.base is None
+
+
 @pytest.mark.parametrize("plugin", ["direct_stratified", "path_stratified"])
 def test_launches_can_be_made_in_any_order(plugin: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """And anywhere, by an integrator that knows but the number, and what its stage begins with."""
@@ -85,6 +92,7 @@ def test_launches_can_be_made_in_any_order(plugin: str, monkeypatch: pytest.Monk
         asked.append(stage)
         theirs = other.launch(scene, camera, seed, spp, stage, known)
         found = {k: theirs(k) for k in reversed(range(first, count))}
+        assert all(map(owned, (*known.values(), *(array for arrays in found.values() for array in arrays.values()))))
         ends = sorted({1, *(first + (count - first) * part // 3 for part in (1, 2, 3))} - {first})
         for begin, end in zip([first, *ends], ends, strict=False):
             yield end, reduce(together, (found[k] for k in range(begin, end)))

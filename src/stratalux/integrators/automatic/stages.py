@@ -84,7 +84,7 @@ class TwoStages:
         plan = pilot.plan(self._spp, self._beside() if self._beside else None)
         memory["counts"] = plan.counts
         if self._varied:
-            memory["level"], memory["share"] = plan.level.numpy(), plan.share.numpy()
+            memory["level"], memory["share"] = np.array(plan.level), np.array(plan.share)
             if self._few < self._spp:
                 memory["learned"] = pilot.learned()
         memory["first"] = pilot.image(memory["share"].reshape(plan.counts.shape) if self._varied else 0)

@@ -192,9 +192,9 @@ class Pilot:
         if lanes.cost is not None:
             cost = dr.zeros(mi.Float, view.pixels)
             dr.scatter_add(cost, lanes.cost, lanes.pixel)  # whole numbers, exact in any order
-            found["costs"] = cost.numpy()
+            found["costs"] = np.array(cost)
         if counts is not None:
-            found["rays"], found["free"] = (number.numpy() for number in counts)
+            found["rays"], found["free"] = map(np.array, counts)
         return found
 
     def add(self, found: Arrays) -> None:
@@ -209,10 +209,7 @@ class Pilot:
 
     def learned(self) -> NDArray[np.float32]:
         """What is visible."""
-        seen: NDArray[np.float32] = Visibility.learn(
-            (mi.UInt32(self.found["rays"]), mi.UInt32(self.found["free"]))
-        ).numpy()
-        return seen
+        return np.array(Visibility.learn((mi.UInt32(self.found["rays"]), mi.UInt32(self.found["free"]))))
 
     def _worth(self, lanes: Lanes) -> mi.Spectrum:
         """What errors are looked for in: the radiance, or that over a picture as ``grey`` as the map where alpha is a
