@@ -46,6 +46,18 @@ def test_it_is_the_standard_error_of_independent_launches(launches: int) -> None
     assert noise is not None and np.sqrt(np.mean(noise**2)) == pytest.approx(0.4 / np.sqrt(launches), rel=0.03)
 
 
+def test_what_one_half_has_not_seen_is_not_known() -> None:
+    """And where samples are shared out otherwise, each counts as much as any."""
+    first, second = np.ones((1, 3, 4)), np.ones((1, 3, 4))
+    first[0, :, -1], second[0, :, -1] = [1, 0, 3], [1, 4, 1]
+    first[..., :3] *= first[..., -1:]
+    second[..., :3] *= 2 * second[..., -1:]
+    sums = Sums({})
+    sums.add(first)
+    sums.add(second)
+    np.testing.assert_allclose(sums.noise(), [[-1 / 2, np.nan, -np.sqrt(3) / 4]], rtol=1e-6)
+
+
 def test_pixels_without_weight_are_black() -> None:
     sums = Sums({})
     sums.add(np.zeros((1, 2, 4)))

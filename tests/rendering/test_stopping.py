@@ -33,6 +33,16 @@ def test_the_error_that_was_asked_for(sampling: dict[str, object]) -> None:
     assert all(result.error > 0.02 for result in results)  # type: ignore[operator]
 
 
+def test_the_error_of_few_samples() -> None:
+    """Pixels that get but one or two after the pilot make it neither larger nor smaller."""
+    scene = mi.load_dict(scene_dict("roughplastic"))
+    results = [stratalux.render(scene, spp=16, seed=seed, direct=True) for seed in range(8)]
+    images = np.stack([result.image for result in results]).mean(axis=-1)
+    found = np.sqrt(images.var(axis=0, ddof=1).mean()) / images.mean()
+    told = np.sqrt(np.mean([result.error**2 for result in results]))  # type: ignore[operator]
+    assert 0.5 * told < found < 1.25 * told
+
+
 def test_the_image_is_that_of_as_many_samples() -> None:
     """Without a number of samples, each pixel gets its part of them all the same."""
     scene = mi.load_dict(scene_dict())

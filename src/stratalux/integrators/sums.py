@@ -54,10 +54,12 @@ class Sums:
         before, now = older[..., 1].sum(), total[..., -1].sum()
         if now > _TWICE * before:
             both = _grey(total)
-            one, other = (normalised(sums)[..., 0] for sums in (older, both - older))
+            younger = both - older
+            one, other = (normalised(sums)[..., 0] for sums in (older, younger))
             # As much as the mean of both differs from the truth, if they are independent and alike.
-            share = before / now
-            memory["noise"] = np.asarray((one - other) * np.sqrt(share * (1 - share)), dtype=np.float32)
+            seen = (older[..., 1] != 0) & (younger[..., 1] != 0)
+            share = np.divide(older[..., 1], both[..., 1], out=np.full(seen.shape, np.nan), where=seen)
+            memory["noise"] = ((one - other) * np.sqrt(share * (1 - share))).astype(np.float32)
             memory["older"] = both
 
     def raw(self) -> NDArray[np.float64]:
@@ -72,7 +74,7 @@ class Sums:
     def noise(self) -> Noise:
         """How far, about, each pixel (H, W) is from the truth, the mean of the colours, in the sense of its square.
 
-        It is rather too large for strata, as their error falls faster than that of independent samples. None if there
+        It is NaN where one half has no sample. It is rather too large for strata, as their error falls faster than that of independent samples. None if there
         is one launch.
         """
         if "noise" not in self._memory:

@@ -85,9 +85,12 @@ class RenderResult:
         :meth:`~..integrators.sums.Sums.noise`. None before there are two passes, and for what is black."""
         if self.noise is None:
             return None
-        mask = None if self.object_pixels is None else self.object_pixels()
-        if mask is None or not mask.any():
-            mask = np.ones(self.noise.shape, dtype=bool)
+        known = np.isfinite(self.noise)
+        mask = known if self.object_pixels is None else known & self.object_pixels()
+        if not mask.any():
+            mask = known
+        if not mask.any():
+            return None
         image = self.image[mask]  # (N, C), or (N) of luminance alone
         mean = float((image[:, : 3 if image.shape[1] > 2 else 1] if image.ndim > 1 else image).mean())
         return float(np.sqrt(np.mean(np.square(self.noise[mask], dtype=np.float64)))) / mean if mean > 0 else None
