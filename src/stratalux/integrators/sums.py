@@ -74,8 +74,8 @@ class Sums:
     def noise(self) -> Noise:
         """How far, about, each pixel (H, W) is from the truth, the mean of the colours, in the sense of its square.
 
-        It is NaN where one half has no sample, and rather too large for strata, as their error falls faster than that of
-        independent samples. None if there is one launch.
+        It is NaN where one half has no sample, and rather too large for strata, as their error falls faster than that
+        of independent samples. None if there is one launch.
         """
         if "noise" not in self._memory:
             return None
