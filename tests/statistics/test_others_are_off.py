@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -76,3 +77,11 @@ def test_direct_is_off_where_walls_have_been_merged() -> None:
     merged, single = (means(closed_room(optimize), {"type": "direct"}).mean() for optimize in (True, False))
     assert single == 0
     assert merged > 0.003
+
+
+@pytest.mark.parametrize(("away", "off"), [(100, 0.00014), (600, 0.029), (3000, 0.068)])
+def test_balls_are_too_bright_from_afar(away: float, off: float) -> None:
+    """So many radii: their density against 1 / solid angle, π / away² where the sine is the angle."""
+    ball = mi.load_dict({"type": "sphere", "center": [0, 0, away], "emitter": {"type": "area"}})
+    density = float(ball.sample_direction(dr.zeros(mi.Interaction3f), mi.Point2f(0.3, 0.7)).pdf[0])
+    assert 1 - density * np.pi / away**2 * (1 + 1 / (4 * away**2)) == pytest.approx(off, rel=0.1)
