@@ -14,7 +14,7 @@ import pytest
 
 from stratalux import bench
 from stratalux.assets import Assets
-from stratalux.bench import Case, candidates, measure
+from stratalux.bench import Case, candidates, cases, measure
 from stratalux.bench.floor import bare_rays
 from stratalux.bench.preparation import synthetic_map
 from stratalux.bench.scenes import load_setting
@@ -63,6 +63,19 @@ def test_the_preview_takes_another_map_and_material() -> None:
         assert np.mean(image.numpy()[setting.surface]) == pytest.approx(0.2, rel=0.1)
         means[material] = image.numpy()[4:8, 6:10].std()
     assert means["diffuse"] != pytest.approx(means["polished"], rel=0.1)
+
+
+def test_a_room_of_its_own(tmp_path: Path) -> None:
+    """It needs a map alone. Light comes in by its window, and what it reflects is most of what is seen."""
+    case = bench.Case("grace", "diffuse", cases.ROOM)
+    assert case.assets == ("grace",) and case in {replace(c, map="grace") for c in cases.LIGHT.cases}
+    setting = load_setting(case, replace(TINY, depth=8), Assets(make_assets(tmp_path)))
+    assert setting.size == TINY.size and 0.7 < setting.surface.mean() < 1  # the window is seen
+    direct, whole = (
+        mi.render(setting.plain, integrator=mi.load_dict({"type": "path", "max_depth": depth}), spp=256).numpy()
+        for depth in (2, 8)
+    )
+    assert whole[setting.surface].mean() > 1.5 * direct[setting.surface].mean() > 0
 
 
 def test_bare_rays_measure_openness() -> None:

@@ -56,9 +56,9 @@ def run(
 ) -> BenchResult:
     """Measure how long the best of Mitsuba's ``direct``, or ``path``, needs for our error, over what we need.
 
-    ``suite``: "quick" (minutes), "full" (hours), "light" (the whole light),
-    or one of your own. ``assets``: folder to look through first; cases
-    whose files are not there are left out, and noted. ``folder``: by default ``bench-SUITE``; gets ``results.json``
+    ``suite``: "quick" (minutes), "full" (hours), "light" (the whole light, a quarter of an hour), "light-full" (hours),
+    or one of your own. ``assets``: folder to look through first; cases whose files are not there are left out, and
+    noted. ``folder``: by default ``bench-SUITE``; gets ``results.json``
     and, in ``steps``, what an interrupted run resumes from: the steps of other code, of another machine or of other
     versions are not used. ``cache``: folder for references instead of the usual one. The ``variant`` stays active.
     ``peers``: measure Cycles and LuxCore too, with the packages of the interpreter ``peers_python``.
@@ -130,7 +130,7 @@ def run_suite(
         settings = {
             **settings_of(case, suite),
             "ours": ours(suite.depth).label,
-            "assets": [sizes[case.map], sizes[case.scene]],
+            "assets": [sizes[name] for name in sorted(case.assets)],
         }
 
         def compute(fraction: Callable[[float], None], case: Any = case) -> dict[str, Any]:
@@ -182,13 +182,13 @@ def _preparation(size: tuple[int, int, int, int]) -> Callable[[Callable[[float],
 
 def _needed(cases: Sequence[Case]) -> list[str]:
     """Names of the assets of cases."""
-    return sorted({case.map for case in cases} | {case.scene for case in cases})
+    return sorted({name for case in cases for name in case.assets})
 
 
 def _at_hand(cases: Sequence[Case], assets: Assets) -> tuple[list[Case], list[str]]:
     """The cases whose files are there, and for each of the others a line that says what is missing."""
     there = {name: assets.find(name) is not None for name in _needed(cases)}
-    missing = {case: [name for name in (case.scene, case.map) if not there[name]] for case in cases}
+    missing = {case: [name for name in case.assets if not there[name]] for case in cases}
     lines = [f"{case.name} ({', '.join(names)} missing)" for case, names in missing.items() if names]
     return [case for case, names in missing.items() if not names], lines
 

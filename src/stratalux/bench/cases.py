@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 from ..errors import InputError
@@ -13,6 +13,8 @@ FLIPPED = frozenset({"grace"})
 MATERIALS = ("diffuse", "plastic", "metal", "polished")
 """By name in :mod:`stratalux.scenes.materials`: matte, GGX 0.14 under matte, conductor GGX 0.14, conductor GGX 0.05."""
 SCENES = ("buddha", "teapot", "matpreview")
+ROOM = "room"
+"""A scene that is no asset: one with a window, :func:`.scenes.room`."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,7 @@ class Case:
     """``map`` and ``scene``: names of assets. ``material``: of the object, by its name.
 
     ``ground``: whether a mesh stands on one, which fills the image with surfaces; without it, the object is seen
-    against the map, silhouettes and all. The scene of ``matpreview`` has its own ground.
+    against the map, silhouettes and all. The scenes of ``matpreview`` and :data:`ROOM` have their own.
     """
 
     map: str
@@ -31,6 +33,11 @@ class Case:
     @property
     def name(self) -> str:
         return f"{self.scene}-{self.material}-{self.map}{'' if self.ground else '-open'}"
+
+    @property
+    def assets(self) -> tuple[str, ...]:
+        """Names of those that it needs."""
+        return (self.map,) if self.scene == ROOM else (self.scene, self.map)
 
     @property
     def region(self) -> str:
@@ -110,19 +117,35 @@ FULL = Suite(
 
 LIGHT = Suite(
     name="light",
-    cases=tuple(
-        Case(m, material, scene)
-        for material, scene in (("diffuse", "buddha"), ("plastic", "teapot"), ("metal", "buddha"))
-        for m in ("grace", "sky", "studio")
+    cases=(
+        *(
+            Case(m, material, scene)
+            for material, scene in (("diffuse", "buddha"), ("plastic", "teapot"), ("metal", "buddha"))
+            for m in ("grace", "sky", "studio")
+        ),
+        Case("sky", "diffuse", ROOM),
     ),
     reference_spp=4096,
     repeats=2,
     seconds=90.0,
     depth=8,
 )
-"""The whole light, three maps in three materials."""
+"""The whole light, three maps in three materials, and a room with a window."""
 
-SUITES = {suite.name: suite for suite in (QUICK, FULL, LIGHT)}
+LIGHT_FULL = replace(
+    LIGHT,
+    name="light-full",
+    cases=(
+        *(
+            Case(m, material, scene)
+            for scene, material, m in product(SCENES, MATERIALS, ("grace", "sky", "studio", "forest"))
+        ),
+        *LIGHT.cases[-1:],
+    ),
+)
+"""The same in all scenes and materials, under four maps."""
+
+SUITES = {suite.name: suite for suite in (QUICK, FULL, LIGHT, LIGHT_FULL)}
 
 
 def find_suite(suite: str | Suite) -> Suite:

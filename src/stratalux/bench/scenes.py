@@ -21,7 +21,7 @@ from ..scenes.load import envmap, load_scene
 from ..scenes.materials import material
 from ..scenes.shapes import load_mesh
 from ..scenes.stage import SAMPLERS, stage
-from .cases import FLIPPED, Case, Suite
+from .cases import FLIPPED, ROOM, Case, Suite
 
 MEAN = 0.2
 """Of the image, over pixels that are all surface (over the whole image where there is none)."""
@@ -50,10 +50,11 @@ def load_setting(case: Case, suite: Suite, assets: Assets) -> Setting:
     """The setting of a case; raises :class:`InputError` for a missing or damaged asset."""
     environment = EnvironmentMap.load(assets.require(case.map))
     preview = case.scene == "matpreview"
+    describe = {"matpreview": _preview, ROOM: room}.get(case.scene, _staged)
     turn = mi.ScalarTransform4f().rotate([1, 0, 0], 180 if case.map in FLIPPED else 0)
     scenes = []
     for compensated in (False, True):
-        description, orientation = (_preview if preview else _staged)(case, suite, assets)
+        description, orientation = describe(case, suite, assets)
         emitter = {**envmap(environment), "to_world": turn @ orientation, "mis_compensation": compensated}
         scenes.append(mi.load_dict({**description, "map": emitter}))
     cameras = {sensor.id().removeprefix("camera_"): k for k, sensor in enumerate(scenes[0].sensors())}
@@ -105,6 +106,35 @@ def _preview(case: Case, suite: Suite, assets: Assets) -> tuple[dict[str, Any], 
     shapes = {f"shape_{k}": shape for k, shape in enumerate(loaded.shapes())}
     orientation = _matrix(mi.traverse(emitter)["to_world"])
     return {"type": "scene", **shapes, **_cameras(camera, suite.preview_size)}, orientation
+
+
+def room(case: Case, suite: Suite, assets: Assets) -> tuple[dict[str, Any], Any]:
+    """A ball in a room, 4 by 6 by 2.5, with a window of 2 by 1.2 in a long wall; the map is upright.
+
+    Walls are thick, and no two share a BSDF: see docs/correctness.md on what Mitsuba makes of meshes that do.
+    """
+    T = mi.ScalarTransform4f
+    pale, red, green = [0.75, 0.72, 0.68], [0.6, 0.15, 0.1], [0.2, 0.5, 0.2]
+    boxes: dict[str, tuple[list[float], list[float], list[float]]] = {  # Two corners, and the colour
+        "floor": ([-2.2, -0.2, -3.2], [2.2, 0, 3.2], pale),
+        "ceiling": ([-2.2, 2.5, -3.2], [2.2, 2.7, 3.2], pale),
+        "back": ([-2.2, 0, -3.2], [2.2, 2.5, -3], pale),
+        "behind": ([-2.2, 0, 3], [2.2, 2.5, 3.2], green),
+        "right": ([2, 0, -3], [2.2, 2.5, 3], red),
+        "sill": ([-2.2, 0, -3], [-2, 0.8, 3], pale),
+        "lintel": ([-2.2, 2, -3], [-2, 2.5, 3], pale),
+        "near": ([-2.2, 0.8, 0.5], [-2, 2, 3], pale),
+        "far": ([-2.2, 0.8, -3], [-2, 2, -1.5], pale),
+    }
+    scene: dict[str, Any] = {"type": "scene"}
+    for name, (low, high, colour) in boxes.items():
+        corners = np.array([low, high])
+        middle, half = corners.mean(axis=0).tolist(), (np.diff(corners, axis=0)[0] / 2).tolist()
+        bsdf = {"type": "diffuse", "reflectance": {"type": "rgb", "value": colour}}
+        scene[name] = {"type": "cube", "to_world": T().translate(middle).scale(half), "bsdf": bsdf}
+    scene["ball"] = {"type": "sphere", "center": [0, 0.6, -1], "radius": 0.6, "bsdf": material(case.material)}
+    camera = {"fov": 60.0, "fov_axis": "x", "to_world": T().look_at([1.6, 1.4, 2.6], [-0.4, 0.9, -1.2], [0, 1, 0])}
+    return {**scene, **_cameras(camera, suite.size)}, T()
 
 
 def _matrix(transform: Any) -> Any:

@@ -13,9 +13,9 @@ class BenchSettings(Settings):
 
     suite: str = option(
         "quick",
-        "quick: five cases, minutes; full: 100 cases, an hour; light: the whole light, nine cases.",
+        "quick: five cases, minutes; full: 100 cases, an hour; light: the whole light, ten cases; light-full: 49.",
         "--suite",
-        choices=("quick", "full", "light"),
+        choices=("quick", "full", "light", "light-full"),
     )
     folder: str | None = option(
         None, "Folder of the results.", "-o", "--output", metavar="FOLDER", default_text="bench-SUITE"
