@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from stratalux import InputError
 from stratalux.integrators.straight import LAYERS, Arrival, lets_through
-from tests.helpers import hall_map
+from tests.helpers import hall_map, scene_dict
 
 AUTOMATIC = {"type": "direct_stratified"}
 PINNED = {"type": "direct_stratified", "strata": 4, "bsdf_samples": 1}
@@ -300,3 +300,18 @@ def _gradient(of: mi.Scene, params: Any, ours: dict[str, Any], key: str) -> Any:
     finally:
         params[key] = dr.detach(value)
         params.update()
+
+
+@pytest.mark.parametrize("lamp", [False, True])
+def test_a_pane_in_an_even_world_shows_it_without_noise(lamp: bool) -> None:
+    """What it does not let through it mirrors: each sample is 1, whichever it does."""
+    T = mi.ScalarTransform4f
+    described = scene_dict("diffuse", np.ones((16, 32, 3), dtype=np.float32), size=(6, 4))
+    pane = {"type": "rectangle", "bsdf": {"type": "thindielectric"}, "to_world": T().rotate([1, 1, 0], 20).scale(9)}
+    sky = {**described["sky"], "scale": 1.0}
+    parts = {"type": "scene", "pane": pane, "sky": sky, "sensor": described["sensor"]}
+    if lamp:  # far away and black: there is one more emitter that a sample of a BSDF could find
+        black = {"type": "area", "radiance": {"type": "rgb", "value": 0.0}}
+        parts["lamp"] = {"type": "sphere", "center": [0, 900, 0], "emitter": black}
+    image = mi.render(mi.load_dict(parts), integrator=mi.load_dict({"type": "direct_stratified"}), spp=4).numpy()
+    np.testing.assert_allclose(image, 1, rtol=2e-3)

@@ -8,7 +8,7 @@ import drjit as dr
 import mitsuba as mi
 
 from .derivatives import SUM
-from .straight import Obstacles, behind, visible
+from .straight import Obstacles, behind, has_masks, visible
 
 
 class OtherEmitters:
@@ -31,6 +31,10 @@ class OtherEmitters:
         weights = [0.0 if e is self.environment else float(dr.slice(e.sampling_weight(), 0)) for e in scene.emitters()]
         self.lights = any(weights)
         self.found_by_bsdf = any(not mi.has_flag(emitter.flags(), mi.EmitterFlags.Delta) for emitter in emitters)
+        # The sample of a BSDF is spent where it counts. What goes straight on is the camera ray's own way.
+        self._kinds = int(mi.BSDFFlags.All if self.found_by_bsdf else mi.BSDFFlags.Delta)
+        if obstacles is not None and not has_masks(scene):
+            self._kinds &= ~int(mi.BSDFFlags.Null)
         if self.lights:
             self._emitters = scene.emitters_dr()
             self._distribution = mi.DiscreteDistribution(weights)
@@ -59,8 +63,7 @@ class OtherEmitters:
         self, scene: mi.Scene, sampler: mi.Sampler, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool
     ) -> mi.Spectrum:
         ctx = mi.BSDFContext()
-        if not self.found_by_bsdf:
-            ctx.type_mask = int(mi.BSDFFlags.Delta)  # spend the sample where it counts
+        ctx.type_mask = self._kinds
         bs, weight = bsdf.sample(ctx, si, sampler.next_1d(active), sampler.next_2d(active), active)
         delta = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
         if self._differentiated:

@@ -24,8 +24,17 @@ def lets_through(scene: mi.Scene) -> bool:
     if all(shape.class_name() != "Instance" for shape in shapes):
         return False
     # Instances do not tell what they are made of; what is in the scene besides them does.
-    parts = mi.traverse(scene).hierarchy
-    return any(isinstance(part, mi.BSDF) and mi.has_flag(part.flags(), mi.BSDFFlags.Null) for part in parts)
+    return any(mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null) for bsdf in _bsdfs(scene))
+
+
+def has_masks(scene: mi.Scene) -> bool:
+    """Whether some BSDF is a ``mask``, which draws nothing of what it covers if it may not draw its ``Null`` lobe."""
+    return any(bsdf.class_name() == "MaskBSDF" for bsdf in _bsdfs(scene))
+
+
+def _bsdfs(scene: mi.Scene) -> list[mi.BSDF]:
+    """All in the scene, those within others and of instances too."""
+    return [part for part in mi.traverse(scene).hierarchy if isinstance(part, mi.BSDF)]
 
 
 class Arrival:

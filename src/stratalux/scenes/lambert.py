@@ -15,6 +15,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from .around import around
+
 
 def lambertian(principled: dict[str, Any]) -> Any:
     """The BSDF of a dictionary of `principled` that has neither `flatness` nor a tint of its reflection.
@@ -27,19 +29,11 @@ def lambertian(principled: dict[str, Any]) -> Any:
 
 @cache
 def _kind(variant: str) -> Any:
-    """The class for a variant, whose own BSDF it derives from."""
-
-    class Lambertian(mi.BSDF):
+    class Lambertian(around(variant)):  # type: ignore[misc]
         def __init__(self, given: dict[str, Any]) -> None:
-            super().__init__(mi.Properties())
-            self.nested = mi.load_dict(given)
+            super().__init__(mi.load_dict(given))
             self.base, self.eta, self.roughness = (_opaque(given[key]) for key in ("base_color", "eta", "roughness"))
             self.metallic, self.transmission = (_opaque(given.get(key, 0.0)) for key in ("metallic", "spec_trans"))
-            self.m_components = [self.nested.flags(k) for k in range(self.nested.component_count())]
-            self.m_flags = self.nested.flags()
-
-        def traverse(self, callback: Any) -> None:
-            callback.put("nested", self.nested, mi.ParamFlags.Differentiable)
 
         def sample(
             self, context: mi.BSDFContext, si: mi.SurfaceInteraction3f, u1: mi.Float, u2: mi.Point2f, active: Any = True
@@ -53,19 +47,11 @@ def _kind(variant: str) -> Any:
         ) -> mi.Spectrum:
             return self.nested.eval(context, si, wo, active) + self._change(si, wo, active)
 
-        def pdf(
-            self, context: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: Any = True
-        ) -> mi.Float:
-            return self.nested.pdf(context, si, wo, active)
-
         def eval_pdf(
             self, context: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: Any = True
         ) -> tuple[mi.Spectrum, mi.Float]:
             value, pdf = self.nested.eval_pdf(context, si, wo, active)
             return value + self._change(si, wo, active), pdf
-
-        def eval_diffuse_reflectance(self, si: mi.SurfaceInteraction3f, active: Any = True) -> mi.Spectrum:
-            return self.nested.eval_diffuse_reflectance(si, active)
 
         def _change(self, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: Any) -> mi.Spectrum:
             """Lambert's part less that of Disney."""
@@ -80,9 +66,6 @@ def _kind(variant: str) -> Any:
             F = mi.fresnel(cos_d, self.eta)[0]
             value = self.base.eval(si, active) * (matte * cos_o / dr.pi * (1 - F - disney))
             return dr.select(active, value, 0)
-
-        def to_string(self) -> str:
-            return f"Lambertian[{self.nested}]"
 
     return Lambertian
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.colour import LUMINANCE
+from .absorption import absorbing
 from .bitmaps import Bitmaps
 from .lambert import lambertian
 from .model import Material, Texture, Value
@@ -139,7 +140,10 @@ class Looks:
             if surface["type"] == "principled":
                 surface = lambertian(surface)
             bsdf = self._bent(material, sets, mirrored, surface)
-            if not _lets_through(material):
+            if _lets_through(material):
+                if not material.thin and min(material.attenuation) < 1 and math.isfinite(material.attenuation_distance):
+                    bsdf = absorbing(bsdf, material.attenuation, material.attenuation_distance)
+            else:
                 bsdf = {"type": "twosided", "front": bsdf}
                 # Mitsuba turns what a normal has along z only, and of a dent that is seen from behind, all is turned.
                 if material.double_sided and bsdf["front"] is not surface:
@@ -257,8 +261,6 @@ class Looks:
 
     def _glass(self, material: Material, sets: Sets, bsdf: dict[str, Any]) -> dict[str, Any]:
         transmission = self._bitmaps.number(material.transmission, sets)
-        if np.any(np.asarray(material.attenuation) < 1):
-            self.left_out.add("the absorption within glass")
         if not material.thin:
             return {**bsdf, "spec_trans": transmission}
         ior = min(max(bsdf["eta"], 1.0001), 10.0)

@@ -1,0 +1,36 @@
+"""A BSDF around another one, which it follows but for what it changes."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import mitsuba as mi
+
+
+@cache
+def around(variant: str) -> Any:
+    """The base class for a variant, whose own BSDF it derives from; it has lobes and densities of what is nested."""
+
+    class Around(mi.BSDF):
+        def __init__(self, nested: mi.BSDF) -> None:
+            super().__init__(mi.Properties())
+            self.nested = nested
+            self.m_components = [nested.flags(k) for k in range(nested.component_count())]
+            self.m_flags = nested.flags()
+
+        def traverse(self, callback: Any) -> None:
+            callback.put("nested", self.nested, mi.ParamFlags.Differentiable)
+
+        def pdf(
+            self, context: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, active: Any = True
+        ) -> mi.Float:
+            return self.nested.pdf(context, si, wo, active)
+
+        def eval_diffuse_reflectance(self, si: mi.SurfaceInteraction3f, active: Any = True) -> mi.Spectrum:
+            return self.nested.eval_diffuse_reflectance(si, active)
+
+        def to_string(self) -> str:
+            return f"{type(self).__name__}[{self.nested}]"
+
+    return Around
