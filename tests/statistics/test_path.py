@@ -101,10 +101,13 @@ SCENES = {
 
 @cache
 def reference(variant: str, name: str, properties: tuple[tuple[str, Any], ...]) -> NDArray[Any]:
+    """Of a constant sky, in four parts each: Mitsuba's sums of 1024 numbers alike are off by one part in 80,000."""
     description = SCENES[name]()
-    spp = 512
+    parts = 4 if name == "constant" else 1
+    spp = 1024 // parts
     description["sensor"]["sampler"] = {"type": "multijitter", "sample_count": spp}
-    return runs(mi.load_dict(description), {"type": "path", **dict(properties)}, spp, RUNS, seed=20_000)
+    images = runs(mi.load_dict(description), {"type": "path", **dict(properties)}, spp, RUNS * parts, seed=20_000)
+    return images.reshape(RUNS, parts, *images.shape[1:]).mean(axis=1)
 
 
 def compare(name: str, spp: int = 64, more: int = 1, **properties: Any) -> None:
