@@ -110,10 +110,11 @@ def main() -> None:
     parser.add_argument("--cores", type=int, default=16, help="of a worker")
     options = parser.parse_args()
     mi.set_variant("llvm_ad_rgb")
-    from stratalux.integrators.automatic.view import LAUNCH  # of the active variant
+    from stratalux.integrators.automatic.view import room  # of the active variant
 
     preparation, stages = measured()
-    print(f"{SIZE[0]}x{SIZE[1]}, {SPP} spp, launches of {LAUNCH} samples; preparation {preparation:.1f} s")
+    samples = room(SIZE[0] * SIZE[1])
+    print(f"{SIZE[0]}x{SIZE[1]}, {SPP} spp, launches of {samples} samples; preparation {preparation:.1f} s")
     for stage in stages:
         print(
             f"{stage.name}: {stage.launches} launches of {stage.seconds:.2f} core-seconds, {stage.bytes / 1e6:.0f} MB, "

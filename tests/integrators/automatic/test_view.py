@@ -33,6 +33,7 @@ def view(width: int, height: int) -> Any:
 def test_launches_go_over_all_samples_once(room: int, launches: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each over the whole image; where there are several, the first is small, and none is larger than there is room."""
     monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", room)
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LARGEST", 1)
     counts = np.random.default_rng(1).integers(0, 21, 600).astype(np.int64)
     total = int(counts.sum())
     assert 5_000 < total <= 6_100
@@ -52,10 +53,21 @@ def test_launches_go_over_all_samples_once(room: int, launches: int, monkeypatch
     assert list(view(30, 20).launches(np.zeros(600, dtype=np.int64))) == []
 
 
+def test_large_films_have_large_launches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One sample of each pixel, as long as these are not too many."""
+    from stratalux.integrators.automatic.view import room
+
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", 100)
+    assert [room(pixels) for pixels in (1, 100, 150, 800, 1000)] == [100, 100, 150, 800, 800]
+    sizes = [int((end - start).sum()) for start, end in view(30, 20).launches(np.full(600, 4, dtype=np.int64))]
+    assert sum(sizes) == 2400 and 500 < max(sizes) <= 660 and view(30, 20).at_once(1) and not view(30, 20).at_once(2)
+
+
 @pytest.mark.parametrize("rest", [0, 1, 7])
 def test_each_launch_of_a_pilot_has_something_to_do(rest: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """However little is left for the last one."""
     monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", 592 - 8 * rest)
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LARGEST", 1)
     sizes = [int((end - start).sum()) for start, end in view(30, 20).launches(np.full(600, 8, dtype=np.int64))]
     assert sum(sizes) == 4800 and min(sizes) > 0
 

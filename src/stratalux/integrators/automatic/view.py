@@ -19,6 +19,8 @@ from .visibility import Visibility
 
 LAUNCH = 1 << 21
 """Camera samples of one launch, about: a second on two cores."""
+LARGEST = 8
+"""So many times as many, at most, for a film that has more pixels: what a launch costs besides grows with these."""
 KNOWN = 128
 """Samples per pixel that a pilot is made for where their number is not known."""
 _PLENTY = 1 << 24
@@ -43,8 +45,13 @@ class Lanes:
     cost: mi.Float | None = None
 
 
+def room(pixels: int) -> int:
+    """Camera samples of one launch over a film of so many pixels, about: one for each, within bounds."""
+    return min(max(LAUNCH, pixels), LARGEST * LAUNCH)
+
+
 class Division:
-    """So many ``counts`` (H, W) of samples of each pixel, in launches of about :data:`LAUNCH`.
+    """So many ``counts`` (H, W) of samples of each pixel, in launches of about :func:`room`.
 
     Where one launch does not do, the first are smaller and double; every one goes over the whole image.
     """
@@ -52,13 +59,14 @@ class Division:
     def __init__(self, counts: NDArray[np.int64], width: int, height: int) -> None:
         self._counts = counts.ravel()
         self._total = int(self._counts.sum())
+        self._room = room(self._counts.size)
         # Where fractions change. None is rounded up in the first row: of a pilot, each launch has something to do.
         self._rows = np.repeat(np.arange(height) / height, width)
 
     def __len__(self) -> int:
-        if self._total <= LAUNCH:
+        if self._total <= self._room:
             return min(self._total, 1)
-        step = LAUNCH // FIRST
+        step = self._room // FIRST
         return number_for(-(-self._total // step), FIRST)
 
     def __getitem__(self, k: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -69,7 +77,7 @@ class Division:
 
     def until(self, k: int) -> NDArray[np.int64]:
         """Samples of each pixel after ``k`` launches."""
-        share = 1.0 if k >= len(self) else grown(k, FIRST) * (LAUNCH // FIRST) / self._total
+        share = 1.0 if k >= len(self) else grown(k, FIRST) * (self._room // FIRST) / self._total
         return np.floor(self._counts * share + self._rows).astype(np.int64)
 
 
@@ -89,7 +97,7 @@ class View:
 
     def at_once(self, spp: int) -> bool:
         """Whether one launch does for so many samples per pixel."""
-        return self.pixels * spp <= LAUNCH
+        return self.pixels * spp <= room(self.pixels)
 
     def launches(self, counts: NDArray[np.int64]) -> Division:
         """Those that give each pixel so many samples, by their number."""
