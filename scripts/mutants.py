@@ -129,7 +129,7 @@ TESTS = {
     "integrators/indirect/launch.py": "statistics/test_path.py integrators/test_path_stratified.py",
     "integrators/indirect/paths.py": "statistics/test_path.py integrators/test_path_stratified.py",
     "integrators/indirect/vertex.py": "statistics/test_path.py integrators/test_path_stratified.py",
-    "maps/frames.py": "scenes/test_load.py -k frame",
+    "maps/frames.py": "maps/test_frames.py",
     "rigs/quality.py": "rigs/test_quality.py rigs/test_harmonics.py",
 }
 
