@@ -51,3 +51,18 @@ def test_jitter_takes_each_texel_of_a_stratum_alike() -> None:
         direction(np.array((texel % width + 0.5) / width), np.array(texel // width / (height - 1))),
         atol=1e-5,
     )
+
+
+def test_each_says_its_source() -> None:
+    """Authors and year, in one line."""
+    from stratalux.integrators.techniques import techniques
+
+    known = {
+        "median-cut": "(Debevec 2005)",
+        "structured": "(Agarwal, Ramamoorthi, Belongie and Jensen 2003)",
+        "kmeans": "(Cohen and Debevec 2001)",
+        "lloyd": "(Kollig and Keller 2003)",
+        "penrose": "(Ostromoukhov, Donohue and Jodoin 2004)",
+    }
+    for name, source in known.items():
+        assert techniques()[name].source.endswith(f" {source}") and "\n" not in techniques()[name].source

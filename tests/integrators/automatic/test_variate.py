@@ -6,10 +6,11 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from stratalux import EnvironmentMap
 from stratalux.maps.geometry import direction
 from stratalux.maps.irradiance import clamped_cosine
 from tests.helpers import hall_map
-from tests.variants import MONO, RGB
+from tests.variants import MONO, RGB, SPECTRAL
 
 
 def test_the_polynomial_is_that_of_the_clamped_cosine() -> None:
@@ -47,3 +48,11 @@ def test_the_integral_is_that_of_the_map_times_the_polynomial(variant: str) -> N
     channels = 3 if variant.endswith("rgb") else 1
     np.testing.assert_allclose(found.reshape(channels, -1), expected[:channels], rtol=2e-3)
     assert len(variate.arrays()) == len(variate._coefficients)
+
+
+@pytest.mark.parametrize("variant", [RGB, MONO, SPECTRAL])
+def test_colours_have_one_and_spectra_have_none(variant: str) -> None:
+    mi.set_variant(variant)
+    from stratalux.integrators.automatic.sample import NestedTables
+
+    assert (NestedTables(EnvironmentMap(hall_map())).variate is not None) == (variant != SPECTRAL)
