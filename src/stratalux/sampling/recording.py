@@ -18,8 +18,8 @@ import mitsuba as mi
 Function = TypeVar("Function", bound=Callable[..., Any])
 Item = TypeVar("Item")
 
-_LONG = 30.0
-"""Seconds, more than Dr.Jit ever looks through arguments for."""
+_LONG = 5.0
+"""Seconds, far more than Dr.Jit looks through arguments for, and few enough for what shows progress in a thread."""
 _turn = threading.RLock()
 """Held by the thread that prepares or renders."""
 _users: WeakSet[threading.Thread] = WeakSet()
