@@ -95,7 +95,8 @@ TESTS = {
     "statistics/test_nested_strata.py -k not fireflies",
     "integrators/automatic/nested_strata.py": "integrators/automatic/test_nested_strata.py "
     "integrators/automatic/test_balance.py integrators/test_derivatives.py statistics/test_nested_strata.py",
-    "integrators/automatic/sample.py": "integrators/automatic/test_launch.py integrators/test_environment.py "
+    "integrators/automatic/sample.py": "integrators/automatic/test_sample.py integrators/automatic/test_launch.py "
+    "integrators/test_environment.py integrators/test_derivatives.py "
     "statistics/test_nested_strata.py",
     "integrators/automatic/variate.py": "integrators/automatic/test_variate.py statistics/test_nested_strata.py",
     "integrators/common.py": "integrators/test_common.py integrators/test_weights.py integrators/test_derivatives.py "
