@@ -56,7 +56,7 @@ def run(
 ) -> BenchResult:
     """Measure how long the best of Mitsuba's ``direct``, or ``path``, needs for our error, over what we need.
 
-    ``suite``: "quick" (minutes), "full" (hours), "light" (the whole light, a quarter of an hour), "light-full" (hours),
+    ``suite``: "quick" (minutes), "full" (hours), "light" (the whole light, minutes), "light-full" (the same, hours),
     or one of your own. ``assets``: folder to look through first; cases whose files are not there are left out, and
     noted. ``folder``: by default ``bench-SUITE``; gets ``results.json``
     and, in ``steps``, what an interrupted run resumes from: the steps of other code, of another machine or of other
