@@ -171,6 +171,7 @@ def test_packages_that_are_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*no worker is left:stratalux.errors.SceneWarning")
 def test_workers_that_die_all_the_time() -> None:
     """Every 5 s one is killed; what it was at is done by others, and counts once."""
     psutil = pytest.importorskip("psutil")
