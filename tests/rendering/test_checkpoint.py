@@ -75,6 +75,23 @@ def test_what_is_no_parameter_is_compared(tmp_path: Path) -> None:
             stratalux.render(other, spp=1, resume=path)
 
 
+def test_where_a_texture_lies_is_no_difference(tmp_path: Path) -> None:
+    """On another machine, for instance."""
+    texels = mi.Bitmap(np.full((2, 2, 3), 0.5, dtype=np.float32))
+
+    def textured(folder: str) -> mi.Scene:
+        (tmp_path / folder).mkdir()
+        texels.write(str(tmp_path / folder / f"{folder}.exr"))
+        description = scene_dict()
+        texture = {"type": "bitmap", "filename": str(tmp_path / folder / f"{folder}.exr")}
+        description["ball"]["bsdf"] = {"type": "diffuse", "reflectance": texture}
+        return mi.load_dict(description)
+
+    path = tmp_path / "a.checkpoint"
+    next(stratalux.render_passes(textured("here"), spp=1)).checkpoint().save(path)
+    stratalux.render(textured("there"), spp=1, resume=path)
+
+
 def test_versions_are_compared(tmp_path: Path) -> None:
     scene = mi.load_dict(scene_dict())
     kept = next(stratalux.render_passes(scene, spp=4)).checkpoint()

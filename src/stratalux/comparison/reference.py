@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 import time
 import warnings
 import zipfile
@@ -28,7 +27,7 @@ from ..caches import cache_folder
 from ..errors import CacheWarning, InputError
 from ..images.files import write_atomically
 from ..images.metrics import RELATIVE_EPSILON, Mask
-from ..rendering.identity import add_parameters
+from ..rendering.identity import add_parameters, structure
 from ..rendering.passes import RenderResult, render
 
 ESTIMATORS: tuple[dict[str, Any], ...] = (
@@ -45,8 +44,6 @@ SEED_STEP = 1 << 16
 
 _FORMAT = 1
 """Raised when the meaning of a cached file changes."""
-_PROVISIONAL = re.compile(r"\bsampler = \w+\[[^\]]*\],?|\b(?:filename|name|id) = \"[^\"]*\",?|0x[0-9a-fA-F]+")
-"""Parts of a scene's description that do not change what it looks like: samplers, names, addresses."""
 
 
 @dataclass(frozen=True)
@@ -189,7 +186,7 @@ def reference_key(scene: mi.Scene, estimator: dict[str, Any], spp: int, sensor: 
     digest = hashlib.sha256()
     settings = [_FORMAT, mi.__version__, mi.variant(), estimator, spp, PASSES, SEED, sensor]
     digest.update(json.dumps(settings, sort_keys=True).encode())
-    digest.update(_PROVISIONAL.sub("", f"{scene}{scene.sensors()[sensor]}").encode())
+    digest.update(structure(scene, scene.sensors()[sensor]).encode())
     add_parameters(digest, scene)
     return digest.hexdigest()
 

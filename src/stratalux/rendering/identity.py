@@ -9,7 +9,8 @@ from typing import Any, Protocol
 import drjit as dr
 import mitsuba as mi
 
-_ADDRESS = re.compile(r"0x[0-9a-fA-F]+")
+_PROVISIONAL = re.compile(r"\bsampler = \w+\[[^\]]*\],?|\b(?:filename|name|id) = \"[^\"]*\",?|0x[0-9a-fA-F]+")
+"""Parts of a scene's description that do not change what it looks like: samplers, names, addresses."""
 
 
 class Digest(Protocol):
@@ -34,8 +35,12 @@ def add_structure(digest: Digest, scene: mi.Scene) -> None:
         digest.update(f"\n{thing.class_name()}".encode())
     materials = (shape.bsdf() for shape in scene.shapes())
     films = (sensor.film() for sensor in scene.sensors())
-    for described in map(str, (*filter(None, materials), *films)):
-        digest.update(_ADDRESS.sub("", f"\n{described}").encode())
+    digest.update(structure(*filter(None, materials), *films).encode())
+
+
+def structure(*things: mi.Object) -> str:
+    """Of things in a scene, as Mitsuba prints it, without names of files and samplers."""
+    return _PROVISIONAL.sub("", "".join(map(str, things)))
 
 
 def _bytes(value: Any) -> bytes:
