@@ -17,8 +17,9 @@ from .automatic.sample import AllocatedLight, AutomaticSample
 from .automatic.stages import TwoStages
 from .automatic.view import View
 from .indirect.image import Indirect, added, pilot_paths
-from .indirect.launch import PathLauncher
 from .indirect.paths import Paths
+from .indirect.sharing import SharingLauncher
+from .indirect.tiles import TiledView
 from .launches import Maker, of_part
 from .other_emitters import OtherEmitters
 from .sight import Sight
@@ -45,7 +46,9 @@ PATH = Technique(
 TECHNIQUES = (PATH,)
 _FEWER, _MORE = 2, 2
 """Camera samples of direct light are so many times fewer than those asked for, and paths so many times more: with all
-their strata, samples of direct light cost as much and have much smaller errors."""
+their strata, samples of direct light cost as much and have much smaller errors. Paths that share what they find are
+better and dearer: of these, there are as many as samples of direct light."""
+_PATHS_SEED = 0x1B873593
 _NO_DERIVATIVES = "path_stratified: has no derivatives; use Mitsuba's 'prb', or 'direct_stratified' for direct light"
 
 
@@ -146,8 +149,8 @@ class PathStratified(Automatic):
         spp = spp or sensor.sampler().sample_count()
         parts = self._parts(scene, sensor, seed, spp, memory)
         direct, paths = (parts[name].passes(of_part(make, name)) for name in ("direct", "paths"))
-        few, many = _shared_out(spp)
-        of_direct, of_paths = (1, 1) if spp >= UNLIMITED else (spp / few, spp / many)  # What each one stands for
+        # What each one stands for
+        of_direct, of_paths = (1.0, 1.0) if spp >= UNLIMITED else (spp / parts["direct"].spp, spp / parts["paths"].spp)
         first, done, noise = next(direct)
         memory.setdefault("before", first)
         rest, rendered, other = next(paths)
@@ -170,18 +173,22 @@ class PathStratified(Automatic):
     ) -> dict[str, TwoStages]:
         if not self._paths.any:
             return super()._parts(scene, sensor, seed, spp, memory)
-        few, many = _shared_out(spp)
-        parts = super()._parts(scene, sensor, seed, few, memory)
         light = self._begin(scene, sensor)
-        launcher = self._launcher(
-            "paths", scene, sensor, partial(PathLauncher, Indirect(self, self._paths), self._paths)
-        )
-        launcher.begin(light)
-        view, seed = View(launcher, None), opaque_seed(mix(mi.UInt32(seed) ^ 0x1B873593))
-        pilot = pilot_paths(many, view.film.rfilter().is_box_filter())
         own, dim = memory.setdefault("paths", {}), DIM * light.mean
-        paths = TwoStages(view, pilot, many, seed, dim, own, beside=lambda: memory["before"])
-        return {**parts, "paths": paths}
+        other = opaque_seed(mix(mi.UInt32(seed) ^ _PATHS_SEED))
+        make = partial(SharingLauncher, Indirect(self, self._paths), self._paths)
+        launcher = self._launcher("paths", scene, sensor, make)
+        launcher.begin(light)
+        if launcher.enclosed():
+            view: View = TiledView(launcher, None)
+            first = spp if view.at_once(spp) else 1
+            paths = TwoStages(view, first, spp, other, dim, own, even=True)
+            return {**super()._parts(scene, sensor, seed, spp, memory), "paths": paths}
+        few, many = _shared_out(spp)
+        view = View(launcher, None)
+        pilot = pilot_paths(many, view.film.rfilter().is_box_filter())
+        paths = TwoStages(view, pilot, many, other, dim, own, beside=lambda: memory["before"])
+        return {**super()._parts(scene, sensor, seed, few, memory), "paths": paths}
 
     def to_string(self) -> str:
         return f"PathStratified[max_depth = {self._paths.max_depth}, rr_depth = {self._paths.rr_depth}]"

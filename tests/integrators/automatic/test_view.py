@@ -124,7 +124,7 @@ def test_parts_of_a_pilot_are_means_of_their_samples(
     seen: list[Any] = []
     plan = "stratalux.integrators.automatic.view.plan_samples"
     monkeypatch.setattr(plan, lambda *arguments: seen.append(arguments))
-    pilot = Pilot(some, 8, 4, None, mi.UInt32(0), 0.5, 0.25)
+    pilot = Pilot(some, 8, 4, None, mi.UInt32(0), 0.5, 0.25, varied=True)
     assert len(pilot.launches) == 1
     pilot.add(pilot.launch(0))
     pilot.plan(16)

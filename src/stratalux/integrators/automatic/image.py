@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -18,6 +18,7 @@ from .sample import AllocatedLight, AutomaticSample
 from .stages import TwoStages
 from .view import View, pilot_samples
 
+AnyLauncher = TypeVar("AnyLauncher", bound=Launcher)
 CAMERAS = ("PerspectiveCamera", "ThinLensCamera", "OrthographicCamera", "BatchSensor")
 """What has pixels that are neighbours of each other."""
 
@@ -142,13 +143,13 @@ class Automatic(AutomaticSample):
         return light
 
     def _launcher(
-        self, part: str, scene: mi.Scene, sensor: mi.Sensor, make: Callable[[mi.Scene, mi.Sensor], Launcher]
-    ) -> Launcher:
+        self, part: str, scene: mi.Scene, sensor: mi.Sensor, make: Callable[[mi.Scene, mi.Sensor], AnyLauncher]
+    ) -> AnyLauncher:
         """That of a part of the picture, which is kept for the next one."""
         launcher = self._launchers.get(part)
         if launcher is None or launcher.scene is not scene or launcher.sensor is not sensor:
             launcher = self._launchers[part] = make(scene, sensor)
-        return launcher
+        return launcher  # type: ignore[return-value]  # a part has one kind
 
 
 def opaque_seed(seed: int | mi.UInt32) -> mi.UInt32:

@@ -23,6 +23,8 @@ from .visibility import Visibility
 _RECORDINGS = 8
 """Kept for one camera: a pilot's, later ones', and some changes of what is compiled into kernels."""
 
+Group = tuple[mi.UInt32, mi.UInt32] | None
+"""The first of the lanes that one belongs together with, and the one after the last."""
 _Samples = tuple[mi.Spectrum, mi.Spectrum, mi.Bool | mi.Float, mi.Point2f]
 
 
@@ -33,7 +35,7 @@ class Launch:
     ``seed``: of the points of all pixels, opaque. ``expected``: luminance at each lane, or one for all. ``shared``: the
     samples of the map that all lanes share, from :meth:`Launcher.light_samples`; None where each is to have its own.
     ``detailed``: for every pixel of the film, as in a :class:`~.look.Look`; None where that makes no difference.
-    ``counts`` and ``learned``: those of a :class:`~.visibility.Visibility`.
+    ``counts`` and ``learned``: those of a :class:`~.visibility.Visibility`. ``group``: lanes that share what they find.
     """
 
     pixel: mi.UInt32
@@ -44,6 +46,7 @@ class Launch:
     detailed: mi.UInt32 | None
     counts: tuple[mi.UInt32, mi.UInt32] | None
     learned: mi.Float | None
+    group: Group = None
 
     def start_counting(self) -> None:
         """Again: what was counted so far would be counted twice."""

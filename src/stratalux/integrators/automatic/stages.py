@@ -11,7 +11,7 @@ import numpy as np
 from ...sampling.points import mix
 from ..launches import Arrays, Launch, Maker
 from ..sums import Memory, Noise, Pixels, Sums
-from .view import Pilot, View, combined, unsigned
+from .view import PLENTY, Pilot, View, combined, unsigned
 
 PARTS = 4
 """Of a pilot, whose differences tell its error."""
@@ -24,7 +24,8 @@ class TwoStages:
 
     ``dim``: radiance below which errors count as if it were that bright. ``grey``: radiance of what a picture is laid
     over where alpha is a share. ``varied``: whether there are a control variate and something to learn for it.
-    ``beside``: an image that this one is added to, which errors are measured by, as it is after the pilot.
+    ``beside``: an image that this one is added to, which errors are measured by, as it is after the pilot. ``even``:
+    all pixels get as many samples.
     """
 
     def __init__(
@@ -39,13 +40,16 @@ class TwoStages:
         grey: float = 0.0,
         varied: bool = False,
         beside: Callable[[], Pixels] | None = None,
+        even: bool = False,
     ) -> None:
-        self._view, self._few, self._spp, self._seed, self._dim = view, few, spp, seed, dim
+        self.spp, self._view, self._few, self._seed, self._dim = spp, view, few, seed, dim
         self._memory, self._varied, self._beside = memory, varied, beside
+        self._even = even or (few == spp and not varied)  # a share of the variate is planned, too
         # As neighbours' errors choose the number of a pixel's samples, they may share those of the map only where all
         # do, the pilot's and the later ones: with any such set fixed, pixels are independent.
         self._shared = view.launcher.light_samples(mix(~seed)) if view.at_once(spp) else None
-        self._pilot = Pilot(view, few, min(PARTS, few), self._shared, seed, dim, grey, varied and few < spp)
+        parts = 0 if self._even else min(PARTS, few)
+        self._pilot = Pilot(view, few, parts, self._shared, seed, dim, grey, varied, varied and few < spp)
 
     def passes(self, make: Maker) -> Iterator[tuple[Pixels, float, Noise]]:
         """The image so far, with the film's channels and weights, its samples per pixel and its noise."""
@@ -58,10 +62,10 @@ class TwoStages:
                     yield self._pilot.image(0), float(launches.until(done).mean()), None
             self._plan()
         yield memory["first"], float(few), None
-        if few == self._spp:
+        if few == self.spp:
             return
         sums, counts = Sums(memory), memory["counts"] - few
-        launches = self._view.launches(counts)
+        launches = self._view.launches(counts, few)
 
         def so_far() -> tuple[Pixels, float, Noise]:
             done = launches.until(sums.launches).reshape(counts.shape)
@@ -81,11 +85,15 @@ class TwoStages:
     def _plan(self) -> None:
         """What follows from the pilot."""
         memory, pilot = self._memory, self._pilot
-        plan = pilot.plan(self._spp, self._beside() if self._beside else None)
+        if self._even:
+            memory["counts"] = np.full((self._view.height, self._view.width), min(self.spp, PLENTY))
+            memory["first"] = pilot.image(0)
+            return
+        plan = pilot.plan(self.spp, self._beside() if self._beside else None)
         memory["counts"] = plan.counts
         if self._varied:
             memory["level"], memory["share"] = np.array(plan.level), np.array(plan.share)
-            if self._few < self._spp:
+            if self._few < self.spp:
                 memory["learned"] = pilot.learned()
         memory["first"] = pilot.image(memory["share"].reshape(plan.counts.shape) if self._varied else 0)
 
@@ -93,7 +101,7 @@ class TwoStages:
         """Launches of the second stage, as the memory has it planned."""
         view, memory, few, seed = self._view, self._memory, self._few, self._seed
         counts = memory["counts"] - few
-        launches, number = view.launches(counts), unsigned(counts.ravel())
+        launches, number = view.launches(counts, few), unsigned(counts.ravel())
         expected, share, learned = dr.opaque(mi.Float, self._dim), None, None
         if self._varied:
             expected = dr.maximum(mi.Float(memory["level"]), self._dim)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -13,7 +14,7 @@ from ...sampling.exact import ExactSums
 from ..launches import Arrays, grown, number_for, together
 from ..sums import UNLIMITED, Pixels, normalised
 from .adaptive import Plan, plan_samples
-from .launch import Launch, Launcher
+from .launch import Group, Launch, Launcher
 from .look import Look
 from .visibility import Visibility
 
@@ -23,7 +24,7 @@ LARGEST = 8
 """So many times as many, at most, for a film that has more pixels: what a launch costs besides grows with these."""
 KNOWN = 128
 """Samples per pixel that a pilot is made for where their number is not known."""
-_PLENTY = 1 << 24
+PLENTY = 1 << 24
 """As many as there will ever be, then."""
 FIRST = 8
 """Where there are several launches, the first is smaller by this factor: there is something to see soon."""
@@ -51,15 +52,14 @@ def room(pixels: int) -> int:
 
 
 class Division:
-    """So many ``counts`` (H, W) of samples of each pixel, in launches of about :func:`room`.
+    """So many ``counts`` (H, W) of samples of each pixel, in launches of about ``room``.
 
     Where one launch does not do, the first are smaller and double; every one goes over the whole image.
     """
 
-    def __init__(self, counts: NDArray[np.int64], width: int, height: int) -> None:
+    def __init__(self, counts: NDArray[np.int64], width: int, height: int, room: int) -> None:
         self._counts = counts.ravel()
-        self._total = int(self._counts.sum())
-        self._room = room(self._counts.size)
+        self._total, self._room = int(self._counts.sum()), room
         # Where fractions change. None is rounded up in the first row: of a pilot, each launch has something to do.
         self._rows = np.repeat(np.arange(height) / height, width)
 
@@ -77,8 +77,11 @@ class Division:
 
     def until(self, k: int) -> NDArray[np.int64]:
         """Samples of each pixel after ``k`` launches."""
-        share = 1.0 if k >= len(self) else grown(k, FIRST) * (self._room // FIRST) / self._total
-        return np.floor(self._counts * share + self._rows).astype(np.int64)
+        return np.floor(self._counts * self._share(k) + self._rows).astype(np.int64)
+
+    def _share(self, k: int) -> float:
+        """Of all, after ``k`` launches."""
+        return 1.0 if k >= len(self) else grown(k, FIRST) * (self._room // FIRST) / self._total
 
 
 class View:
@@ -97,11 +100,22 @@ class View:
 
     def at_once(self, spp: int) -> bool:
         """Whether one launch does for so many samples per pixel."""
-        return self.pixels * spp <= room(self.pixels)
+        return self.pixels * spp <= self.room
 
-    def launches(self, counts: NDArray[np.int64]) -> Division:
-        """Those that give each pixel so many samples, by their number."""
-        return Division(counts, self.width, self.height)
+    @property
+    def room(self) -> int:
+        """Camera samples of one launch, about."""
+        return room(self.pixels)
+
+    def launches(self, counts: NDArray[np.int64], first: int = 0) -> Division:
+        """Those that give each pixel so many samples, by their number, after the ``first`` ones."""
+        return Division(counts, self.width, self.height, self.room)
+
+    def lanes(self, first: NDArray[np.int64], number: NDArray[np.int64]) -> tuple[mi.UInt32, mi.UInt32, Group]:
+        """The pixel of each lane, the index of its sample there, and which lanes belong together, if any do."""
+        pixel = mi.UInt32(np.repeat(np.arange(self.pixels, dtype=np.uint32), number))
+        before = np.cumsum(number) - number - first  # the first lane of a pixel, less the index of its sample
+        return pixel, dr.arange(mi.UInt32, dr.width(pixel)) - dr.gather(mi.UInt32, unsigned(before), pixel), None
 
     def samples(
         self,
@@ -117,14 +131,12 @@ class View:
 
         They add to ``counts``, or make use of what is ``learned``: see :class:`~.visibility.Visibility`.
         """
-        pixel = mi.UInt32(np.repeat(np.arange(self.pixels, dtype=np.uint32), number))
-        before = np.cumsum(number) - number - first  # the first lane of a pixel, less the index of its sample
-        index = dr.arange(mi.UInt32, dr.width(pixel)) - dr.gather(mi.UInt32, unsigned(before), pixel)
+        pixel, index, group = self.lanes(first, number)
         if dr.width(expected) > 1:
             expected = dr.gather(mi.Float, expected, pixel)
-        dr.eval(index, expected)
+        dr.eval(pixel, index, expected, group)
         detailed = self.look.detailed if self.look else None
-        launch = Launch(pixel, index, seed, expected, shared, detailed, counts, learned)
+        launch = Launch(pixel, index, seed, expected, shared, detailed, counts, learned, group)
         return Lanes(pixel, index, *self.launcher.samples(launch))
 
     def put(
@@ -160,7 +172,10 @@ class View:
 
 
 class Pilot:
-    """A few samples of every pixel, and what follows from them. It ``learns`` what is visible."""
+    """A few samples of every pixel, and what follows from them. It ``learns`` what is visible.
+
+    Its samples are in so many ``parts``, whose differences tell what is to be planned; in none if nothing is.
+    """
 
     def __init__(
         self,
@@ -171,10 +186,11 @@ class Pilot:
         seed: mi.UInt32,
         dim: float,
         grey: float = 0.0,
+        varied: bool = False,
         learns: bool = False,
     ) -> None:
         self.view, self.count, self.parts, self._shared, self._grey = view, count, parts, shared, grey
-        self._seed, self._dim, self._learns = seed, dim, learns
+        self._seed, self._dim, self._varied, self._learns = seed, dim, varied, learns
         self._found: Arrays | None = None
         self.launches = view.launches(np.full(view.pixels, count))
 
@@ -185,18 +201,12 @@ class Pilot:
         first, last = self.launches[k]
         counts = Visibility.nothing(view.width, view.height) if self._learns else None
         lanes = view.samples(first, last - first, self._seed, expected, self._shared, counts)
-        group = lanes.index * dr.opaque(mi.UInt32, self.parts) // dr.opaque(mi.UInt32, count)
         most = int((last - first).max())
-        sums = ExactSums(self.parts * view.pixels, most)
-        worth, difference = (
-            [value[c % dr.size_v(mi.Spectrum)] for c in range(3)] for value in (self._worth(lanes), lanes.difference)
-        )
-        sums.begin(worth, difference)
-        sums.add([*worth, *difference], group * view.pixels + lanes.pixel)
-        found = {"sums": np.reshape(list(sums), (2, 3, self.parts, view.height, view.width))}
+        found: dict[str, Any] = {"sums": self._parts(lanes, most)} if self.parts else {}
         weight = dr.opaque(mi.Float, 1 / count, dr.width(lanes.pixel))
         found["image"] = view.put(lanes, lanes.L, lanes.alpha, weight, most)
-        found["difference"] = view.put(lanes, lanes.difference, mi.Bool(False), weight, most)
+        if self._varied:
+            found["difference"] = view.put(lanes, lanes.difference, mi.Bool(False), weight, most)
         if lanes.cost is not None:
             cost = dr.zeros(mi.Float, view.pixels)
             dr.scatter_add(cost, lanes.cost, lanes.pixel)  # whole numbers, exact in any order
@@ -204,6 +214,17 @@ class Pilot:
         if counts is not None:
             found["rays"], found["free"] = map(np.array, counts)
         return found
+
+    def _parts(self, lanes: Lanes, most: int) -> NDArray[np.float64]:
+        """Sums of each part (1 or 2, 3, P, H, W): of what errors are looked for in, and of the variate's difference."""
+        view = self.view
+        part = lanes.index * dr.opaque(mi.UInt32, self.parts) // dr.opaque(mi.UInt32, self.count)
+        sums = ExactSums(self.parts * view.pixels, most)
+        values = (self._worth(lanes), lanes.difference) if self._varied else (self._worth(lanes),)
+        groups = [[value[c % dr.size_v(mi.Spectrum)] for c in range(3)] for value in values]
+        sums.begin(*groups)
+        sums.add([value for group in groups for value in group], part * view.pixels + lanes.pixel)
+        return np.reshape(list(sums), (len(values), 3, self.parts, view.height, view.width))
 
     def add(self, found: Arrays) -> None:
         """What a launch has brought, or several."""
@@ -228,15 +249,17 @@ class Pilot:
 
     def image(self, share: NDArray[np.float32] | float) -> Pixels:
         """The image, with a ``share`` of the variate's difference in each pixel."""
-        image, difference = (normalised(self.found[name]) for name in ("image", "difference"))
-        image[..., :-1] += np.asarray(share, dtype=np.float32)[..., None] * difference[..., :-1]
+        image = normalised(self.found["image"])
+        if self._varied:
+            difference = normalised(self.found["difference"])
+            image[..., :-1] += np.asarray(share, dtype=np.float32)[..., None] * difference[..., :-1]
         return image
 
     def plan(self, budget: int, beside: Pixels | None = None) -> Plan:
         """How to go on. ``beside``: an image that this one is added to, which its errors are measured by."""
         view = self.view
         means = (self.found["sums"] * (self.parts / self.count)).astype(np.float32)
-        pilot, difference = (mi.TensorXf(x) for x in means)
+        pilot, difference = mi.TensorXf(means[0]), mi.TensorXf(means[1] if self._varied else np.zeros_like(means[0]))
         if beside is not None:
             pilot += mi.TensorXf(np.moveaxis(beside[..., :3], -1, 0)[:, None])
         filter = view.film.rfilter()
@@ -247,7 +270,7 @@ class Pilot:
         known = KNOWN if budget >= UNLIMITED else budget
         costs = [mi.Float(self.found["costs"])] if "costs" in self.found else []
         plan = plan_samples(pilot, difference, self._dim, max(known, least), least, footprint, marks, costs)
-        return plan if known == budget else replace(plan, counts=plan.counts * (_PLENTY // known))
+        return plan if known == budget else replace(plan, counts=plan.counts * (PLENTY // known))
 
 
 def unsigned(numbers: NDArray[np.int64]) -> mi.UInt32:

@@ -38,20 +38,21 @@ class FirstPoints(PixelPoints):
 
 class Way:
     """What is left of a path at its first vertex: the ``ray`` that leaves it, its weight β, the square root η of the
-    scale that refraction has given that, how many surfaces were ``met``, and whether the ray meets another one: is
-    ``alive``."""
+    scale that refraction has given that, how many surfaces were ``met``, whether the ray was drawn from a lobe without
+    width: ``delta``, and whether it meets another surface: is ``alive``."""
 
     DRJIT_STRUCT: ClassVar = {
         "ray": mi.Ray3f,
         "β": mi.Spectrum,
         "η": mi.Float,
         "met": mi.UInt32,
+        "delta": mi.Bool,
         "alive": mi.Bool,
     }
 
     def __init__(self) -> None:
         self.ray, self.β, self.η = dr.zeros(mi.Ray3f), mi.Spectrum(1), mi.Float(1)
-        self.met, self.alive = mi.UInt32(0), mi.Bool(False)
+        self.met, self.delta, self.alive = mi.UInt32(0), mi.Bool(False), mi.Bool(False)
 
     def at(self, lanes: mi.UInt32) -> Way:
         """Those of the ``lanes`` alone."""
@@ -107,6 +108,7 @@ class Paths:
             going &= ~lost
             way.β = dr.select(going & ~unseen, way.β * weight, way.β)
             way.η = dr.select(going & ~straight, way.η * bs.eta, way.η)
+            way.delta |= going & ~straight & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             way.met += 1
             way.alive |= going & ~straight & dr.any(way.β != 0)
             if dr.hint(self.rr_depth <= 1, mode="scalar"):

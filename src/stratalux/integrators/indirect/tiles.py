@@ -1,0 +1,97 @@
+"""Tiles of neighbouring pixels whose samples share what their paths find (Dr.Jit)."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from ..automatic.launch import Group
+from ..automatic.view import Division, View
+
+ROWS, COLUMNS = 4, 8
+"""Of a tile, in pixels."""
+TILE = ROWS * COLUMNS
+ROOM = 1 << 18
+"""Camera samples of one launch, about, each of which keeps what it has to do with all others of its tile."""
+
+
+class Tiles:
+    """An order of the pixels of a film for each sample, in which those of a tile follow each other.
+
+    The film is cut into strips of :data:`ROWS` rows, and each of these, column by column, into :data:`TILE` pixels.
+    From sample to sample, strips begin at another row and tiles at another column, or edges of tiles would show. Tiles
+    at the edges of the film are smaller.
+    """
+
+    def __init__(self, width: int, height: int) -> None:
+        self.width, self.height = width, height
+
+    def pixels(self, first: int, lanes: int) -> tuple[mi.UInt32, mi.UInt32, Group]:
+        """For ``lanes`` from place number ``first`` on, where every sample has all pixels: the pixel of each, the index
+        of its sample, and its tile as the first lane and the one after the last, as far as they are there."""
+        W, H, count, begin = (dr.opaque(mi.UInt32, n) for n in (self.width, self.height, lanes, first % self._all))
+        lane = dr.arange(mi.UInt32, lanes)
+        place = lane + begin
+        later = place // (W * H)
+        sample = later + dr.opaque(mi.UInt32, first // self._all & 0xFFFFFFFF)
+        place -= later * W * H
+
+        top, shift = sample % ROWS, sample // ROWS % COLUMNS * ROWS
+        top = dr.minimum(top, H)
+        above = place < top * W
+        inside = place - top * W
+        strip = inside // (ROWS * W)
+        y0 = dr.select(above, 0, top + strip * ROWS)
+        rows = dr.select(above, top, dr.minimum(ROWS, H - y0))
+        inside = dr.select(above, place, inside - strip * (ROWS * W))
+        column = inside // rows
+        pixel = (y0 + inside - column * rows) * W + column
+
+        tile = (place + (TILE - shift)) // TILE  # the first one has as many pixels as tiles are shifted by
+        start = mi.Int32(tile * TILE) - mi.Int32(TILE - shift)
+        before = place - mi.UInt32(dr.maximum(start, 0))
+        after = dr.minimum(mi.UInt32(start + TILE), W * H) - place
+        return pixel, sample, (lane - dr.minimum(before, lane), dr.minimum(lane + after, count))
+
+    def ranks(self, sample: int) -> NDArray[np.int64]:
+        """The place of each pixel (H, W) in the order of that sample."""
+        pixel = self.pixels(sample % (ROWS * COLUMNS) * self._all, self._all)[0].numpy()
+        ranks = np.empty(self._all, dtype=np.int64)
+        ranks[pixel] = np.arange(self._all)
+        return ranks
+
+    @property
+    def _all(self) -> int:
+        return self.width * self.height
+
+
+class TiledDivision(Division):
+    """As many samples of each pixel, after the ``first`` ones, in the order of the tiles."""
+
+    def __init__(self, counts: NDArray[np.int64], tiles: Tiles, room: int, first: int) -> None:
+        super().__init__(counts, tiles.width, tiles.height, room)
+        self._tiles, self._first = tiles, first
+
+    def until(self, k: int) -> NDArray[np.int64]:
+        whole, rest = divmod(round(self._total * self._share(k)), self._counts.size)
+        return whole + (self._tiles.ranks(self._first + whole) < rest).astype(np.int64)
+
+
+class TiledView(View):
+    """A film whose pixels are rendered tile by tile, all with as many samples."""
+
+    def __init__(self, *parts: object) -> None:
+        super().__init__(*parts)  # type: ignore[arg-type]
+        self._tiles = Tiles(self.width, self.height)
+
+    @property
+    def room(self) -> int:
+        return ROOM
+
+    def launches(self, counts: NDArray[np.int64], first: int = 0) -> Division:
+        return TiledDivision(counts, self._tiles, self.room, first)
+
+    def lanes(self, first: NDArray[np.int64], number: NDArray[np.int64]) -> tuple[mi.UInt32, mi.UInt32, Group]:
+        return self._tiles.pixels(int(first.sum()), int(number.sum()))
