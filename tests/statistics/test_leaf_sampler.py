@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from stratalux import EnvironmentMap, median_cut
+from stratalux.images.colour import LUMINANCE
 from stratalux.maps.geometry import map_coordinates
-from stratalux.sampling.leaf_sampler import LeafSampler, RegionLeafSampler
+from stratalux.sampling.leaf_sampler import BrightLeafSampler, LeafSampler, RegionLeafSampler
 from stratalux.sampling.leaves import cut_regions, equal_energy_leaves
 from tests.helpers import ALPHA, hall_map, sun_map
 
@@ -59,6 +60,23 @@ def test_the_pdf_is_per_steradian_and_covers_the_sphere(name: str) -> None:
             values = np.where(sign * d[axis] > 0.3, 1 / pdf, 0)
             error = values.std() / np.sqrt(SAMPLES)
             assert abs(values.mean() - 2 * np.pi * 0.7) < 4.5 * error  # six parts of three maps at 1e-3 together
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_what_is_brighter_than_the_mean(name: str) -> None:
+    """Its density is that of leaves of such a map; it covers the sphere, and brings the map's whole light."""
+    environment = EnvironmentMap(MAPS[name])
+    luminance = environment.texels @ LUMINANCE
+    mean = environment.energy_table.total / (4 * np.pi)
+    sampler = BrightLeafSampler(environment)
+    assert float(sampler.spared[0]) == pytest.approx(mean, rel=1e-4)
+    bright = EnvironmentMap(np.repeat(np.maximum(luminance - mean, 0)[..., None], 3, axis=2).astype(np.float32))
+    assert sampler.energy == pytest.approx(bright.energy_table.total, rel=1e-3)
+    for drawn, wanted in zip(draw(sampler), draw(LeafSampler(bright)), strict=True):
+        np.testing.assert_allclose(drawn, wanted, rtol=0.02, atol=0.02)
+    _, _, pdf = draw(sampler)
+    error = (1 / pdf).std() / np.sqrt(SAMPLES)
+    assert (pdf > 0).all() and abs((1 / pdf).mean() - 4 * np.pi) < 4 * error
 
 
 def test_directions_are_those_of_the_map() -> None:

@@ -34,22 +34,29 @@ def walled(material: str = "diffuse", **more: Any) -> dict[str, Any]:
     return description
 
 
-def coarse() -> dict[str, Any]:
-    """A ball of few faces with the normals of a round one, of which rays see what lies on the other side."""
+def tilted() -> dict[str, Any]:
+    """A wall whose normals are tilted so much that who looks at it from the left sees it from behind, so to speak."""
     description = walled()
-    angles = np.linspace(0, 2 * np.pi, 6, endpoint=False)
-    ring = np.stack([np.cos(angles), np.zeros(6), np.sin(angles)], axis=1)
-    corners = np.concatenate([[[0, 1, 0], [0, -1, 0]], ring]).astype(np.float32)
-    faces = [face for k in range(6) for face in ([0, 2 + (k + 1) % 6, 2 + k], [1, 2 + k, 2 + (k + 1) % 6])]
+    corners = np.array([[-2, -1, -1.5], [2, -1, -1.5], [2, 3, -1.5], [-2, 3, -1.5]], dtype=np.float32)
     props = mi.Properties()
-    props["bsdf"] = mi.load_dict({"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": 0.7}})
-    mesh = mi.Mesh("ball", len(corners), len(faces), props=props, has_vertex_normals=True)
+    props["bsdf"] = mi.load_dict({"type": "diffuse", "reflectance": 0.8})
+    mesh = mi.Mesh("wall", 4, 2, props=props, has_vertex_normals=True)
     params = mi.traverse(mesh)
-    params["vertex_positions"] = mi.Float((corners * 0.9 + [0, 0.9, 0]).astype(np.float32).ravel())
-    params["vertex_normals"] = mi.Float(corners.ravel())
-    params["faces"] = mi.UInt32(np.array(faces, dtype=np.uint32).ravel())
+    params["vertex_positions"] = mi.Float(corners.ravel())
+    params["faces"] = mi.UInt32([0, 1, 2, 0, 2, 3])
+    params.update()  # makes normals of its own
+    params["vertex_normals"] = mi.Float(np.tile(np.float32([0.95, 0, 0.31]), 4))
     params.update()
-    return description | {"ball": mesh}
+    return description | {"tilted": mesh}
+
+
+def screen() -> dict[str, Any]:
+    """A thin wall, seen from its edge: what one side of it shows is nothing to who is on the other."""
+    description = walled()
+    place = mi.ScalarTransform4f().look_at([0.5, 0, 0.5], [5, 0, -0.5], [0, 1, 0])
+    white = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": 0.9}}
+    del description["ball"]
+    return description | {"screen": {"type": "rectangle", "to_world": place.scale(1.5), "bsdf": white}}
 
 
 def bumps() -> dict[str, Any]:
@@ -69,7 +76,7 @@ def glass() -> dict[str, Any]:
 
 SCENES: dict[str, Callable[[], dict[str, Any]]] = {
     **{name: lambda name=name: walled(name) for name in MATERIALS},
-    **{made.__name__: made for made in (coarse, bumps, glass)},
+    **{made.__name__: made for made in (tilted, screen, bumps, glass)},
     "open": lambda: scene_dict("roughplastic"),
 }
 
@@ -91,8 +98,9 @@ CASES = [
     ("plastic", 8, 256, SLOW),
     ("mirror", 3, 256, SLOW),
     ("glass", 8, 256, SLOW),
-    ("coarse", 3, 64, ()),
-    ("coarse", 8, 64, SLOW),
+    ("tilted", 3, 64, ()),
+    ("tilted", 8, 64, SLOW),
+    ("screen", 3, 64, ()),
     ("bumps", 3, 64, SLOW),
     ("open", 8, 64, ()),
 ]

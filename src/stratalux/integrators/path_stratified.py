@@ -9,17 +9,21 @@ from typing import Any
 import mitsuba as mi
 
 from ..errors import InputError
+from ..sampling.leaf_sampler import BrightLeafSampler
 from ..sampling.points import mix
 from .automatic.image import Automatic, opaque_seed
+from .automatic.launch import Launcher
 from .automatic.lobes import DIM, MOST_RAYS
 from .automatic.nested_strata import PixelPoints
 from .automatic.sample import AllocatedLight, AutomaticSample
 from .automatic.stages import TwoStages
 from .automatic.view import View
+from .environment import MapCache
 from .indirect.image import Indirect, added, pilot_paths
 from .indirect.paths import Paths
 from .indirect.sharing import SharingLauncher
 from .indirect.tiles import TiledView
+from .indirect.whole import EACH, FEW_IN_THE_SUN, Whole, few
 from .launches import Maker, of_part
 from .other_emitters import OtherEmitters
 from .sight import Sight
@@ -108,6 +112,7 @@ class PathStratified(Automatic):
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
         self._paths = _paths_of(props)
+        self._bright: MapCache[BrightLeafSampler] = MapCache(BrightLeafSampler)
         self._plain: PathSample = PathSample(props)
         self._plain._cache = self._cache
 
@@ -148,6 +153,10 @@ class PathStratified(Automatic):
             return
         spp = spp or sensor.sampler().sample_count()
         parts = self._parts(scene, sensor, seed, spp, memory)
+        if "whole" in parts:
+            for image, done, noise in parts["whole"].passes(of_part(make, "whole")):
+                yield image, done / EACH, noise
+            return
         direct, paths = (parts[name].passes(of_part(make, name)) for name in ("direct", "paths"))
         # What each one stands for
         of_direct, of_paths = (1.0, 1.0) if spp >= UNLIMITED else (spp / parts["direct"].spp, spp / parts["paths"].spp)
@@ -174,21 +183,35 @@ class PathStratified(Automatic):
         if not self._paths.any:
             return super()._parts(scene, sensor, seed, spp, memory)
         light = self._begin(scene, sensor)
-        own, dim = memory.setdefault("paths", {}), DIM * light.mean
-        other = opaque_seed(mix(mi.UInt32(seed) ^ _PATHS_SEED))
+        dim, other = DIM * light.mean, opaque_seed(mix(mi.UInt32(seed) ^ _PATHS_SEED))
         make = partial(SharingLauncher, Indirect(self, self._paths), self._paths)
         launcher = self._launcher("paths", scene, sensor, make)
         launcher.begin(light)
+        view: View | None
         if launcher.enclosed():
-            view: View = TiledView(launcher, None)
+            view = TiledView(launcher, None)
             first = spp if view.at_once(spp) else 1
+            own = memory.setdefault("paths", {})
             paths = TwoStages(view, first, spp, other, dim, own, even=True)
             return {**super()._parts(scene, sensor, seed, spp, memory), "paths": paths}
-        few, many = _shared_out(spp)
+        if view := self._whole(scene, sensor, spp):
+            own = memory.setdefault("whole", {})
+            return {"whole": TwoStages(view, spp * EACH, spp * EACH, opaque_seed(seed), dim, own, even=True)}
+        less, many = _shared_out(spp)
         view = View(launcher, None)
-        pilot = pilot_paths(many, view.film.rfilter().is_box_filter())
+        pilot, own = pilot_paths(many, view.film.rfilter().is_box_filter()), memory.setdefault("paths", {})
         paths = TwoStages(view, pilot, many, other, dim, own, beside=lambda: memory["before"])
-        return {**super()._parts(scene, sensor, seed, few, memory), "paths": paths}
+        return {**super()._parts(scene, sensor, seed, less, memory), "paths": paths}
+
+    def _whole(self, scene: mi.Scene, sensor: mi.Sensor, spp: int) -> View | None:
+        """For so few samples that all of the light is best estimated in one; None if it is not."""
+        bright = self._bright.get(scene) if spp <= FEW_IN_THE_SUN else None
+        if bright is None or spp > few(bright) or self.background != "map" or self.catcher:
+            return None
+        launcher = self._launcher("whole", scene, sensor, partial(Launcher, Whole(self._paths, self.hide_emitters)))
+        launcher.begin(bright)
+        *_, sight = launcher.seen
+        return None if sight.straight else View(launcher, None)
 
     def to_string(self) -> str:
         return f"PathStratified[max_depth = {self._paths.max_depth}, rr_depth = {self._paths.rr_depth}]"

@@ -8,6 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from ..images.colour import LUMINANCE
 from ..maps.envmap import EnvironmentMap
 from ..maps.regions import Regions
 from .leaves import added_luminance, cut_regions
@@ -18,6 +19,9 @@ DEPTH = 16
 _MANY_REGIONS = 256
 """More regions than that share half as many leaves: 1,024 of them have 1.00 to 1.01 times the error (64: 1.01 to 1.06).
 """
+
+_EVEN = 1e-5
+"""A map that is this close to its mean has nothing that is brighter."""
 
 
 class LeafSampler:
@@ -35,6 +39,8 @@ class LeafSampler:
         """∫ luminance dω over the sphere."""
         self.total = dr.opaque(mi.Float, self.energy)
         """The same for kernels, which are none of their own for each map."""
+        self.spared = dr.opaque(mi.Float, 0.0)
+        """Luminance that it leaves to samples of the BSDF, of the map as it is."""
         bounds = cut_regions(environment.energy_table, None if regions is None else regions.bounds, depth)
         x0, y0, x1, y1 = dr.gather(mi.Vector4d, bounds, dr.arange(mi.UInt32, self.count))
         across, down = dr.opaque(mi.Float64, environment.width), dr.opaque(mi.Float64, environment.height - 1)
@@ -44,7 +50,7 @@ class LeafSampler:
 
     def arrays(self) -> tuple[mi.Float, ...]:
         """What kernels read."""
-        return self._leaves, self.total
+        return self._leaves, self.total, self.spared
 
     @property
     def bytes(self) -> int:
@@ -67,6 +73,24 @@ class LeafSampler:
             d=mi.Vector3f(sin_φ * sin_θ, cos_θ, -cos_φ * sin_θ),
             pdf=dr.select(solid_angle > 0, dr.rcp(solid_angle), 0),
         )
+
+
+class BrightLeafSampler(LeafSampler):
+    """The same with the density of what is brighter than the mean of the map, for who takes as many samples of the
+    BSDF: these find what is dim and large.
+
+    Source: Karlík, Šik, Vévoda, Skřivan and Křivánek 2019, "MIS Compensation: Optimizing Sampling Techniques in
+    Multiple Importance Sampling". As everywhere, a hundredth of the mean of what is left is added.
+    """
+
+    def __init__(self, environment: EnvironmentMap) -> None:
+        mean = environment.energy_table.total / (4 * np.pi) * (1 + _EVEN)
+        bright = np.maximum(environment.texels @ LUMINANCE - np.float32(mean), 0)
+        super().__init__(EnvironmentMap(np.broadcast_to(bright[..., None], environment.texels.shape)))
+        self.spared = dr.opaque(mi.Float, mean)
+        d = self.sample(dr.arange(mi.UInt32, self.count), mi.Point2f(0.5)).d
+        self.gathered = float(np.linalg.norm([dr.mean(x)[0] for x in d]))
+        """How much light of it comes from one side: 1 if all of it comes from one direction, 0 if from everywhere."""
 
 
 class RegionLeafSampler(LeafSampler):

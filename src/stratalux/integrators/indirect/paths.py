@@ -170,6 +170,56 @@ class Paths:
             ray = si.spawn_ray(dr.select(straight, ray.d, si.to_world(bs.wo)))
         return L
 
+    @dr.syntax
+    def whole(
+        self, scene: mi.Scene, light: VertexLight, index: mi.UInt32, seed: mi.UInt32, ray: mi.Ray3f, active: mi.Bool
+    ) -> tuple[mi.Spectrum, mi.Bool]:
+        """All that arrives along camera rays, where nothing lets light go straight on: Σ_{k=0}^{D−1}, with what can be
+        seen for k = 0 and one sample of the BSDF of each surface for the map and for the way on; and alpha."""
+        most = dr.opaque(mi.UInt32, self.max_depth - 1 if self.max_depth > 0 else 0xFFFFFFFF)
+        roulette = dr.opaque(mi.UInt32, self.rr_depth)
+        seed = mix(seed ^ _VERTICES)
+
+        L, β, η = mi.Spectrum(0), mi.Spectrum(1), mi.Float(1)
+        ray = mi.Ray3f(ray.o, ray.d, ray.maxt, ray.time, ray.wavelengths)
+        scattered = mi.UInt32(0)
+        x = dr.zeros(mi.Interaction3f)  # The last vertex
+        pdf, delta = mi.Float(1), mi.Bool(True)  # Of the sample of its BSDF; the camera's is of one direction
+        M = mi.UInt32(0)  # Samples of the map there
+        shown = not self._hide_emitters
+        going, seen = mi.Bool(active), mi.Bool(False)
+        while going:
+            si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=going)
+            first = scattered == 0
+            seen |= first & si.is_valid()
+            L += β * light.found(x, si, pdf, delta, M, going & (~first | shown))
+            going &= si.is_valid() & (scattered < most)
+
+            # ------------------------- Light that arrives here ------------------------
+            own = mix(seed + scattered * 0x9E3779B9)
+            points, joined = PixelPoints(index, own), FirstPoints(index, own)
+            M = light.proposals(si.shape, si.bsdf(), going)
+            L += β * light.sampled(points, si, si.bsdf(), M, going)
+
+            # ------------------------------- The way on -------------------------------
+            u, v = points.next_1d(), points.next_2d()
+            u, v = dr.select(first, joined.next_1d(), u), dr.select(first, joined.next_2d(), v)
+            bs, weight = si.bsdf().sample(mi.BSDFContext(), si, u, v, going)
+            β *= weight
+            going &= dr.any(β != 0)
+            x.p, x.n, x.time, x.wavelengths = si.p, si.n, si.time, si.wavelengths
+            pdf, delta = bs.pdf, mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+            η *= bs.eta
+            scattered += 1
+
+            # ---------------------------- Russian roulette ----------------------------
+            q, survives = self._survives(β, η, points)
+            ends = scattered >= roulette
+            going &= ~ends | survives
+            β = dr.select(ends, β / q, β)
+            ray = si.spawn_ray(si.to_world(bs.wo))
+        return L, active if shown and scene.environment() is not None else seen
+
     def _way_on(
         self,
         sight: Sight,

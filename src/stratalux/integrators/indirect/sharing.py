@@ -7,6 +7,7 @@ from typing import Any
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from ...sampling.points import mix
 from ..automatic.launch import Estimator, Launch, camera_samples
@@ -20,7 +21,7 @@ from .vertex import VertexLight
 ENCLOSED = 0.6
 """Share of the paths that meet a second surface that can be shared, from which on they are: in open scenes, counts of
 paths that follow the errors do better."""
-_TESTS = 2048
+_TESTS = 1024
 _TEST_SEED = 0x2545F491
 _RECORD = 4
 """Vectors of four numbers that a second vertex takes: place, geometric and shading normal, light."""
@@ -48,23 +49,20 @@ class SharingLauncher(PathLauncher):
         self.record(self._second, self._connect, self._tested)
         shapes = scene.shapes_dr()
         matte = [int(_matte(shape.bsdf())) for shape in scene.shapes()]
+        self._any_matte = any(matte)
         self._matte = by_identity(shapes, mi.UInt32(matte), 0) if matte else mi.UInt32(0)
 
     def enclosed(self) -> bool:
         """Whether it pays to share, as a few paths of their own tell. Not where anything lets light straight through:
         what paths pass has no place in the densities."""
         *_, sight = self.seen
-        if sight.straight or not dr.any(self._matte != 0)[0]:
+        if sight.straight or not self._any_matte:
             return False
         size = self.sensor.film().crop_size()
         pixels = int(size[0]) * int(size[1])
-        pixel = dr.arange(mi.UInt32, min(_TESTS, pixels)) * (max(pixels // _TESTS, 1))
-        seed = mi.UInt32(_TEST_SEED)
-        dr.make_opaque(pixel, seed)
-        index = dr.zeros(mi.UInt32, dr.width(pixel))
-        dr.make_opaque(index)
-        met, shared = self.replayed(self._tested, Launch(pixel, index, seed, mi.Float(0), None, None, None, None))
-        return int(dr.count(shared)[0]) > ENCLOSED * max(int(dr.count(met)[0]), 1)
+        tests = min(_TESTS, pixels)
+        found = self.replayed(self._tested, dr.opaque(mi.UInt32, pixels // tests), mi.UInt32(np.arange(tests))).numpy()
+        return int((found > 1).sum()) > ENCLOSED * max(int((found > 0).sum()), 1)
 
     def samples(self, launch: Launch) -> tuple[Any, ...]:
         """As those of :class:`~.launch.PathLauncher`, with costs that are all alike where samples have groups."""
@@ -91,12 +89,20 @@ class SharingLauncher(PathLauncher):
         return L * importance, mi.Spectrum(0), mi.Bool(False), place
 
     def _test(
-        self, scene: mi.Scene, sensor: mi.Sensor, width: mi.UInt32, extent: mi.Vector2f, launch: Launch
-    ) -> tuple[mi.Bool, mi.Bool]:
-        """Whether a camera ray meets anything, and its path a second surface that can be shared."""
+        self,
+        scene: mi.Scene,
+        sensor: mi.Sensor,
+        width: mi.UInt32,
+        extent: mi.Vector2f,
+        step: mi.UInt32,
+        number: mi.UInt32,
+    ) -> mi.UInt32:
+        """1 where a camera ray meets anything, 2 where its path meets a second surface that can be shared."""
+        index, seed = dr.zeros(mi.UInt32), mi.UInt32(_TEST_SEED)
+        launch = Launch(number * step, index, seed, mi.Float(0), None, None, None, None)
         way, *_ = self._begin_paths(scene, sensor, width, extent, launch)
         si = scene.ray_intersect(way.ray, mi.RayFlags.Minimal, coherent=False, active=way.alive)
-        return way.met > 0, self._shares(way, si, way.alive)
+        return dr.select(self._shares(way, si, way.alive), 2, dr.select(way.met > 0, mi.UInt32(1), 0))
 
     def _shares(self, way: Way, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
         identity = dr.reinterpret_array(mi.UInt32, si.shape)

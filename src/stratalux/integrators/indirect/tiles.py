@@ -7,12 +7,15 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from ...sampling.points import mix
 from ..automatic.launch import Group
 from ..automatic.view import Division, View
 
-ROWS, COLUMNS = 4, 8
-"""Of a tile, in pixels."""
-TILE = ROWS * COLUMNS
+TILE = 32
+"""Pixels that share."""
+ROWS, COLUMNS = 8, 16
+"""Of the areas that tiles are drawn from: as most pixels share nothing with the next one, noise looks as usual."""
+_AREA = ROWS * COLUMNS
 ROOM = 1 << 18
 """Camera samples of one launch, about, each of which keeps what it has to do with all others of its tile."""
 
@@ -20,9 +23,9 @@ ROOM = 1 << 18
 class Tiles:
     """An order of the pixels of a film for each sample, in which those of a tile follow each other.
 
-    The film is cut into strips of :data:`ROWS` rows, and each of these, column by column, into :data:`TILE` pixels.
-    From sample to sample, strips begin at another row and tiles at another column, or edges of tiles would show. Tiles
-    at the edges of the film are smaller.
+    The film is cut into strips of :data:`ROWS` rows, and each of these, column by column, into areas of
+    :data:`COLUMNS`, whose pixels are shuffled and dealt out to tiles of :data:`TILE`. From sample to sample, strips
+    begin at another row and areas at another column. Tiles at the edges of the film are smaller.
     """
 
     def __init__(self, width: int, height: int) -> None:
@@ -38,26 +41,30 @@ class Tiles:
         sample = later + dr.opaque(mi.UInt32, first // self._all & 0xFFFFFFFF)
         place -= later * W * H
 
-        top, shift = sample % ROWS, sample // ROWS % COLUMNS * ROWS
+        seed = mix(sample)
+        top, shift = seed % ROWS, (seed >> 8) % COLUMNS * ROWS
         top = dr.minimum(top, H)
-        above = place < top * W
-        inside = place - top * W
+        area = (place + (_AREA - shift)) // _AREA  # the first one has as many pixels as areas are shifted by
+        start = mi.Int32(area * _AREA) - mi.Int32(_AREA - shift)
+        whole = (start >= 0) & (start + _AREA <= mi.Int32(W * H))
+        start = mi.UInt32(dr.maximum(start, 0))
+        at = dr.select(whole, start + _shuffled(place - start, mix(seed + area)), place)
+        above = at < top * W
+        inside = at - top * W
         strip = inside // (ROWS * W)
         y0 = dr.select(above, 0, top + strip * ROWS)
         rows = dr.select(above, top, dr.minimum(ROWS, H - y0))
-        inside = dr.select(above, place, inside - strip * (ROWS * W))
+        inside = dr.select(above, at, inside - strip * (ROWS * W))
         column = inside // rows
         pixel = (y0 + inside - column * rows) * W + column
 
-        tile = (place + (TILE - shift)) // TILE  # the first one has as many pixels as tiles are shifted by
-        start = mi.Int32(tile * TILE) - mi.Int32(TILE - shift)
-        before = place - mi.UInt32(dr.maximum(start, 0))
-        after = dr.minimum(mi.UInt32(start + TILE), W * H) - place
+        before = (place - start) % TILE
+        after = dr.minimum(place - before + TILE, dr.minimum(area * _AREA + shift, W * H)) - place
         return pixel, sample, (lane - dr.minimum(before, lane), dr.minimum(lane + after, count))
 
     def ranks(self, sample: int) -> NDArray[np.int64]:
         """The place of each pixel (H, W) in the order of that sample."""
-        pixel = self.pixels(sample % (ROWS * COLUMNS) * self._all, self._all)[0].numpy()
+        pixel = self.pixels(sample * self._all, self._all)[0].numpy()
         ranks = np.empty(self._all, dtype=np.int64)
         ranks[pixel] = np.arange(self._all)
         return ranks
@@ -65,6 +72,14 @@ class Tiles:
     @property
     def _all(self) -> int:
         return self.width * self.height
+
+
+def _shuffled(place: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:
+    """A permutation of the places of an area, whose number is a power of two: each step is one."""
+    for k in range(3):
+        place = (place * (2 * (seed >> (8 * k)) + 1) + (seed >> (4 * k + 3))) & (_AREA - 1)
+        place ^= place >> 3
+    return place
 
 
 class TiledDivision(Division):

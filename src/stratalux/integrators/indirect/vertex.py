@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
 
@@ -9,7 +11,7 @@ from ...sampling.points import mix, shuffle, van_der_corput
 from ..automatic.nested_strata import PixelPoints, Survivor
 from ..automatic.sample import AllocatedLight
 from ..common import LEAST, target
-from ..environment import looked_up
+from ..environment import MapLight, looked_up
 from ..light_samples import FreshLight, SharedLight
 from ..other_emitters import OtherEmitters
 from ..straight import Scene, arriving
@@ -30,8 +32,9 @@ class VertexLight:
 
         w(ω) = M p̃(ω) / (M p̃(ω) + p_b(ω)),    p̃(ω) = luminance(L(ω)) / ∫ luminance(L) dω,
 
-    where p̃ stands for p, as it does there. Other emitters, and environments that are no image, are sampled as
-    Mitsuba's ``path`` does. ``light``: the map, None without one; ``samples`` of it.
+    where p̃ stands for p, as it does there, less what the tables leave to the samples of the BSDF. Other emitters, and
+    environments that are no image, are sampled as Mitsuba's ``path`` does. ``light``: the map, None without one;
+    ``samples`` of it.
     """
 
     def __init__(
@@ -39,7 +42,7 @@ class VertexLight:
         scene: mi.Scene,
         obstacles: Scene,
         others: OtherEmitters,
-        light: AllocatedLight | None,
+        light: MapLight[Any] | None,
         samples: FreshLight | SharedLight | None,
     ) -> None:
         self._scene, self._obstacles, self._others = scene, obstacles, others
@@ -50,6 +53,7 @@ class VertexLight:
         few, many = dr.opaque(mi.UInt32, PROPOSALS), dr.opaque(mi.UInt32, MORE)
         if self._light is None:
             return few
+        assert isinstance(self._light, AllocatedLight)
         *_, M, matte = self._light.allocation.of(shape, bsdf, mi.UInt32(0), active)
         return mi.UInt32(dr.select(~matte & (M >= DETAIL), many, few))
 
@@ -82,7 +86,7 @@ class VertexLight:
             d, luminance, L_p = samples.draw(where >> (32 - light.tables.depth), where, si, active)
             f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
             p = self._density(luminance, M)
-            kept.offer(d, L_p * f * (dr.select(p > 0, p / (p + pdf), 0) * share), mix(seed ^ ~point))
+            kept.offer(d, L_p * f * (dr.select(pdf > 0, p / (p + pdf), 1) * share), mix(seed ^ ~point))
             j += 1
         return arriving(self._obstacles, si, kept.d, kept.g, active & dr.any(kept.g != 0))
 
@@ -111,5 +115,6 @@ class VertexLight:
     def _density(self, luminance: mi.Float, M: mi.UInt32) -> mi.Float:
         """M p̃ where the map has this luminance."""
         assert self._light is not None
-        energy = dr.maximum(self._light.tables.total * self._light.scale, LEAST)
-        return dr.maximum(luminance, 0) * (mi.Float(M) / energy)
+        tables, scale = self._light.tables, self._light.scale
+        energy = dr.maximum(tables.total * scale, LEAST)
+        return dr.maximum(luminance - tables.spared * scale, 0) * (mi.Float(M) / energy)

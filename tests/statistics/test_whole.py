@@ -1,0 +1,108 @@
+"""The whole light in one, as for a few samples: the mean image of Mitsuba's ``path``, and what is known without it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from tests.helpers import assert_same_mean, runs, scene_dict, sun_map
+from tests.statistics.test_path import EVEN, MORE, SCENES, SLOW, furnace, glass, reference
+from tests.variants import MONO
+
+RUNS = 32
+
+
+@pytest.fixture(autouse=True)
+def _always(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stratalux.integrators.indirect.whole.FEW", 1 << 30)
+    monkeypatch.setattr("stratalux.integrators.indirect.whole.FEW_IN_THE_SUN", 1 << 30)
+    monkeypatch.setattr("stratalux.integrators.path_stratified.FEW_IN_THE_SUN", 1 << 30)
+    monkeypatch.setattr("stratalux.integrators.indirect.sharing.ENCLOSED", 2)
+
+
+def render(name: str, spp: int, **properties: Any) -> Any:
+    """A quarter of the samples, as each stands for four."""
+    return runs(mi.load_dict(SCENES[name]()), {"type": "path_stratified", **properties}, spp // 4, RUNS, 0)
+
+
+CASES = [
+    ("diffuse", 2, SLOW),
+    ("diffuse", 3, ()),
+    ("diffuse", -1, SLOW),
+    ("roughplastic", 8, ()),
+    ("roughconductor", 8, SLOW),
+    ("plastic", 8, SLOW),
+    ("mirror", 3, SLOW),
+    ("glass", 8, ()),
+    ("instances", 8, SLOW),
+    ("point", 8, SLOW),
+    ("room", -1, SLOW),
+    ("sun", 8, ()),
+    ("lamp", 8, SLOW),
+    ("caustics", 8, SLOW),
+]
+
+
+@pytest.mark.parametrize(("name", "depth"), [pytest.param(n, d, marks=m) for n, d, m in CASES])
+def test_same_mean_as_path(name: str, depth: int) -> None:
+    spp = min(MORE.get(name, 64), 1024)
+    assert_same_mean(render(name, spp, max_depth=depth), reference(mi.variant(), name, (("max_depth", depth),)))
+
+
+@SLOW
+def test_paths_that_end_at_random() -> None:
+    properties = {"max_depth": -1, "rr_depth": 1}
+    assert_same_mean(
+        render("diffuse", 128, **properties), reference(mi.variant(), "diffuse", tuple(properties.items()))
+    )
+
+
+def test_in_several_launches(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", 18 * 12 * 9)
+    assert_same_mean(render("diffuse", 64, max_depth=3), reference(mi.variant(), "diffuse", (("max_depth", 3),)))
+
+
+@SLOW
+def test_in_grey() -> None:
+    mi.set_variant(MONO)
+    assert_same_mean(render("roughplastic", 512, max_depth=8), reference(MONO, "roughplastic", (("max_depth", 8),)))
+
+
+@pytest.mark.parametrize(
+    "bsdf", [{"type": "diffuse", "reflectance": 1.0}, {"type": "conductor"}], ids=["white", "mirror"]
+)
+def test_a_white_furnace(bsdf: dict[str, Any]) -> None:
+    """The map is nowhere brighter than its mean: all of its light is found by samples of the BSDF."""
+    images = runs(furnace(bsdf), {"type": "path_stratified", "rr_depth": 1000}, 8, 2, 0)
+    # A path in a thousand leaks where things touch, or stays there.
+    assert (np.abs(images - 1) < 1e-4).mean() > 0.99 and images.mean() == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_what_is_behind(hidden: bool) -> None:
+    described = glass()
+    described["sensor"]["film"]["pixel_format"] = "rgba"
+    scene = mi.load_dict(described)
+    properties = {"max_depth": 3, "hide_emitters": hidden}
+    ours, theirs = (
+        np.array(mi.render(scene, integrator=mi.load_dict({"type": name, **properties}), spp=256))
+        for name in ("path_stratified", "path")
+    )
+    np.testing.assert_allclose(ours[..., 3], theirs[..., 3], atol=0.15)  # of 256 samples, in 216 pixels
+    assert ours[..., 3].mean() == pytest.approx(theirs[..., 3].mean(), abs=0.01)
+    behind = ours[..., 3] == 0
+    assert behind.any() is np.bool_(hidden)
+    np.testing.assert_array_equal(ours[behind], 0)
+
+
+def test_how_few_they_are() -> None:
+    from stratalux.integrators.environment import MapCache
+    from stratalux.integrators.indirect import whole  # of the active variant
+    from stratalux.sampling.leaf_sampler import BrightLeafSampler
+
+    for texels, sunny in ((sun_map(), True), (None, False), (EVEN, False)):
+        light = MapCache(BrightLeafSampler).get(mi.load_dict(scene_dict(texels=texels)))
+        assert light is not None and (light.tables.gathered > whole._SUN) is sunny
