@@ -109,7 +109,7 @@ def _mean(scene: mi.Scene, value: Any, spp: int) -> tuple[Image, Image]:
     corner = mi.Point2f(index % width, index // width)
     place = (corner + sampler.next_2d()) / mi.Point2f(width, height)
     ray, _ = one.sample_ray(0.0, 0.0, place, 0.0)
-    arrival = first_surface(scene, ray, sampler.next_1d(), lambda si: mi.Bool(False), False, mi.Bool(True))
+    arrival = first_surface(scene, ray, sampler.next_1d(), lambda _, T: T, False, mi.Bool(True))
     hit = arrival.si.is_valid()
     # As if it were emitted: what is reflected at a mask has the share that it stops already.
     found = arrival.emitted(mi.Color3f(dr.select(hit, value(arrival.si, hit), 0)))
