@@ -59,6 +59,9 @@ class Matte(Looks):
     def _surface(self, *_: Any) -> dict[str, Any]:
         return {"type": "diffuse", "reflectance": {"type": "rgb", "value": 1.0}}
 
+    def _layered(self, *about: Any) -> Any:
+        return self._bent(*about)
+
 
 class Painted(Looks):
     """Matte surfaces of the base colours that materials are made with, under the masks of the file."""
@@ -72,7 +75,7 @@ class Painted(Looks):
     def _glass(self, _material: Any, _sets: Any, bsdf: dict[str, Any]) -> dict[str, Any]:
         return bsdf
 
-    def _bent(self, _material: Any, _sets: Any, _mirrored: bool, bsdf: dict[str, Any]) -> dict[str, Any]:
+    def _layered(self, _material: Any, _sets: Any, _mirrored: bool, bsdf: Any, _side: int = 1) -> Any:
         return bsdf
 
 
