@@ -28,8 +28,8 @@ from ..integrators.sums import Memory
 from ..integrators.techniques import Value
 from ..scenes.camera import own_camera
 from ..scenes.load import Loaded, load
-from ..scenes.sources import sources
 from ..scenes.metering import incident_light
+from ..scenes.sources import sources
 from ..scenes.surroundings import object_pixels
 from ..settings import documented
 from .checkpoint import Checkpoint, identity_of
