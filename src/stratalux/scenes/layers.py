@@ -164,7 +164,7 @@ def _kinds(variant: str) -> SimpleNamespace:
             front = cos > 0
             if self.normals is not None:
                 n = dr.normalize(2 * mi.Vector3f(self.normals.eval_3(si, active)) - 1)
-                cos = dr.maximum(dr.dot(n, si.wi), 0)
+                cos = dr.abs(dr.dot(n, si.wi))
             return dr.select(front, number(self.strength, si, active) * mi.fresnel(cos, _COAT_ETA)[0], 0)
 
     class Albedo(Numbers):
