@@ -208,7 +208,16 @@ def test_images_of_more_bits_are_textures_of_mitsubas(tmp_path: Path) -> None:
 def test_images_that_do_not_fit_into_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pieces = [square(coloured(tmp_path, k)) for k in range(2)]
     monkeypatch.setattr(album, "default_memory", lambda: 100)
-    with pytest.raises(InputError, match=r"a\.glb: its textures take .* GB, more than there is room for"):
+    refused = r"a\.glb: its textures take .* GB, more than there is room for"
+    with pytest.raises(InputError, match=refused):
+        parts(*pieces)
+    monkeypatch.undo()
+
+    def full(*_: Any) -> None:
+        raise OSError(12, "Cannot allocate memory")
+
+    monkeypatch.setattr(album.Room, "array", full)
+    with pytest.raises(InputError, match=refused):
         parts(*pieces)
 
 

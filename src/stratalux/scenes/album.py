@@ -68,8 +68,7 @@ class Album:
             taken = [n for n, each in enumerate(found) if isinstance(each, Found) and each.kind == "uint8"]
             ends = np.cumsum([0] + [found[n].size[0] * found[n].size[1] for n in taken], dtype=np.int64).tolist()
             _check(ends[-1], file)
-            room_bytes = np.empty(4 * ends[-1], np.uint8) if room is None else room.array(4 * ends[-1])
-            self._bytes: NDArray[np.uint8] = room_bytes.reshape(-1, 4)
+            self._bytes: NDArray[np.uint8] = _memory(4 * ends[-1], room, file).reshape(-1, 4)
 
             def read(reader: Reader, which: int) -> Place:
                 one, start = found[taken[which]], ends[which]
@@ -139,11 +138,21 @@ def _file(picture: Picture, temporary: Path) -> Path:
     return picture.path
 
 
+def _memory(size: int, room: Room | None, file: Path) -> NDArray[np.uint8]:
+    """So many bytes, in a room if there is one."""
+    try:
+        return np.empty(size, np.uint8) if room is None else room.array(size)
+    except (MemoryError, OSError):
+        raise _too_much(size, file) from None
+
+
 def _check(texels: int, file: Path) -> None:
     if 4 * texels > default_memory() or texels >= _MOST:
-        raise InputError(
-            f"{file}: its textures take {4 * texels / 1e9:.3g} GB, more than there is room for; make them smaller"
-        )
+        raise _too_much(4 * texels, file)
+
+
+def _too_much(size: int, file: Path) -> InputError:
+    return InputError(f"{file}: its textures take {size / 1e9:.3g} GB, more than there is room for; make them smaller")
 
 
 def _curves() -> NDArray[np.float32]:
