@@ -159,3 +159,12 @@ def test_nothing_from_behind() -> None:
     plain = mi.load_dict(glass).eval(mi.BSDFContext(), si, mi.Vector3f(0.2, 0, 1))
     for bsdf in (sheened(glass, rgb(1, 1, 1), 0.5), coated(glass, 1.0, 0.3)):
         np.testing.assert_allclose(bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(0.2, 0, 1)).numpy(), plain.numpy())
+
+
+def test_what_goes_straight_through_is_less_by_what_a_coat_reflects() -> None:
+    thin = mi.load_dict({"type": "thindielectric"})
+    si = seen_at(0.6)
+    share = mi.fresnel(mi.Float(0.6), 1.5)[0]
+    expected = thin.eval_null_transmission(si) * (1 - share)
+    assert expected[0][0] > 0.5
+    np.testing.assert_allclose(coated(thin, 1.0, 0.1).eval_null_transmission(si).numpy(), expected.numpy(), rtol=1e-5)
