@@ -59,6 +59,9 @@ class Matte(Looks):
     def _surface(self, *_: Any) -> dict[str, Any]:
         return {"type": "diffuse", "reflectance": {"type": "rgb", "value": 1.0}}
 
+    def _layered(self, *about: Any) -> Any:
+        return self._bent(*about)
+
 
 class Painted(Looks):
     """Matte surfaces of the base colours that materials are made with, under the masks of the file."""
@@ -72,7 +75,7 @@ class Painted(Looks):
     def _glass(self, _material: Any, _sets: Any, bsdf: dict[str, Any]) -> dict[str, Any]:
         return bsdf
 
-    def _bent(self, _material: Any, _sets: Any, _mirrored: bool, bsdf: dict[str, Any]) -> dict[str, Any]:
+    def _layered(self, _material: Any, _sets: Any, _mirrored: bool, bsdf: Any, _side: int = 1) -> Any:
         return bsdf
 
 
@@ -109,7 +112,7 @@ def _mean(scene: mi.Scene, value: Any, spp: int) -> tuple[Image, Image]:
     corner = mi.Point2f(index % width, index // width)
     place = (corner + sampler.next_2d()) / mi.Point2f(width, height)
     ray, _ = one.sample_ray(0.0, 0.0, place, 0.0)
-    arrival = first_surface(scene, ray, sampler.next_1d(), lambda si: mi.Bool(False), False, mi.Bool(True))
+    arrival = first_surface(scene, ray, sampler.next_1d(), lambda _, T: T, False, mi.Bool(True))
     hit = arrival.si.is_valid()
     # As if it were emitted: what is reflected at a mask has the share that it stops already.
     found = arrival.emitted(mi.Color3f(dr.select(hit, value(arrival.si, hit), 0)))

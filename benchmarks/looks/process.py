@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .ours import Passes, View
 
 WORKER = Path(__file__).with_name("blender.py")
-FLAT = 8
+FLAT = 2
 """Times the samples of pictures, for base colours and normals: details finer than pixels are to be seen alike."""
 
 

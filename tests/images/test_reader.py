@@ -15,6 +15,7 @@ from stratalux import InputError
 from stratalux.images import reader as reader_module
 from stratalux.images.reader import Reader, ReadError
 from stratalux.images.reading import read_image
+from stratalux.images.room import Room
 from tests.images.make import card, write
 
 
@@ -85,3 +86,25 @@ def test_nothing_of_the_reader_is_left(tmp_path: Path) -> None:
     for _ in range(3):
         read_image(path)
     assert len(os.listdir("/proc/self/fd")) == before if before else True
+
+
+@pytest.mark.skipif(not Room.there(), reason="the system has no memory without a file")
+def test_pixels_in_memory_that_is_shared(tmp_path: Path) -> None:
+    """In the middle of it, and nowhere else; what does not fit is refused, and the array outlives the room."""
+    codes = np.random.default_rng(1).integers(0, 256, (300, 70, 3), dtype=np.uint8)
+    write(tmp_path / "a.png", codes)
+    size, at = codes.size, 5001
+    with Room() as room, Reader(room) as reader:
+        shared = room.array(at + size + 10)
+        part = reader.parts(tmp_path / "a.png")[0]
+        into = shared[at : at + size].reshape(codes.shape)
+        ask = (tmp_path / "a.png", part, 0, [0, 1, 2], (0, 70), (0, 300))
+        assert reader.pixels(*ask, into, at) is into
+        np.testing.assert_array_equal(into, codes)
+        for rows, message in ((into[:-1], "more pixels than expected"), (np.empty((301, 70, 3), np.uint8), "missing")):
+            with pytest.raises((ReadError, InputError), match=message if rows is not into else ""):
+                reader.pixels(*ask, rows, 0)
+        shared[at : at + size] = 0
+        reader.pixels(*ask, into, at)
+    np.testing.assert_array_equal(into, codes)
+    assert not shared[at + size :].any()

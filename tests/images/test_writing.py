@@ -293,3 +293,20 @@ def test_what_is_around_an_object_has_a_say_in_its_exposure() -> None:
         stops = automatic_exposure(mi.Bitmap(pixels), mask)
         assert stops == pytest.approx(expected if abs(expected) < 2 else whole + expected, abs=1e-3)
     assert automatic_exposure(mi.Bitmap(pixels), ~mask) == pytest.approx(0, abs=1e-3)
+
+
+def test_what_is_black_stays_dark_where_the_light_is_known() -> None:
+    """At most one stop above what makes white of a white thing; grey, and what is bright, is as without."""
+    for value, light, expected in (
+        (0.18, 1, 0),
+        (0.09, 1, 1),
+        (0.01, 1, 1),
+        (1e-4, 0.25, 3),
+        (4, 0.1, -4.47),
+        (0, 2, 0),
+    ):
+        card = mi.Bitmap(np.full((4, 4, 3), value, dtype=np.float32))
+        everywhere = np.ones((4, 4), dtype=bool)
+        assert automatic_exposure(card, everywhere, light) == pytest.approx(expected, abs=0.01)
+        assert automatic_exposure(card, None, light) == pytest.approx(expected, abs=0.01)
+    assert automatic_exposure(mi.Bitmap(np.full((4, 4, 3), 1e-4, dtype=np.float32)), everywhere, 0) > 10

@@ -10,6 +10,7 @@ import pytest
 
 import stratalux
 from stratalux import InputError
+from stratalux.images.writing import write_image
 from tests.helpers import scene_dict
 
 
@@ -92,3 +93,22 @@ def test_bad_requests() -> None:
     mi.set_variant("scalar_rgb")
     with pytest.raises(InputError, match="vectorised"):
         stratalux.render(mi.load_dict({"type": "scene"}))
+
+
+@pytest.mark.parametrize(("reflectance", "stops"), [(0.18, -1.0), (0.002, 0.0)])
+def test_the_automatic_exposure_knows_the_light(reflectance: float, stops: float, tmp_path: Path) -> None:
+    """Under an even light of 2: a grey card becomes middle grey, and a black one, before black, no more than dark."""
+    card = "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nusemtl card\nf 1 3 2\nf 1 4 3\n"
+    (tmp_path / "card.obj").write_text(f"mtllib card.mtl\n{card}", encoding="utf-8")
+    (tmp_path / "card.mtl").write_text(f"newmtl card\nKd{3 * f' {reflectance}'}\nillum 1\n", encoding="utf-8")
+    write_image(tmp_path / "even.exr", np.full((8, 16, 3), 2, dtype=np.float32))
+    result = stratalux.render(
+        tmp_path / "card.obj",
+        environment=tmp_path / "even.exr",
+        orbit="0,89",
+        background="black",
+        ground="none",
+        size=(16, 16),
+        spp=16,
+    )
+    assert result.exposure == pytest.approx(stops, abs=0.05)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import mitsuba as mi
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from stratalux.errors import SceneWarning
 from stratalux.scenes.assembly import mirrored_faces
@@ -201,14 +203,108 @@ def test_unlit_is_its_colour(tmp_path: Path) -> None:
 
 
 def test_the_index_of_refraction_follows_the_reflectance() -> None:
+    """Of glass; other surfaces keep theirs, as only their reflection is weaker."""
+
     def eta(material: Material) -> float:
         return Looks(Bitmaps(Path("a")))._eta(material)
 
     assert eta(Material()) == pytest.approx(1.5)
     assert eta(Material(ior=1.33)) == pytest.approx(1.33)
     root = np.sqrt(0.02)
-    assert eta(Material(specular=Value((0.5,)))) == pytest.approx((1 + root) / (1 - root))
-    assert eta(Material(specular=NONE)) == 1
+    assert eta(Material(specular=Value((0.5,)), transmission=ONE)) == pytest.approx((1 + root) / (1 - root))
+    assert eta(Material(specular=Value((0.5,)))) == pytest.approx(1.5)
+    assert eta(Material(specular=NONE, metallic=NONE)) == 1
+
+
+BLACK_GLOSS = {"base_colour": Value((0.0, 0.0, 0.0)), "metallic": NONE, "roughness": Value((0.4,))}
+
+
+def mirrored_light(material: Material, cos: float = 1.0, side: int = -1) -> NDArray[np.float32]:
+    """What a surface reflects of light that comes from where the eye is mirrored; `side` 1: from the eye."""
+    bsdf, si = look(square(material), 0.3, 0.3)
+    sin = float(np.sqrt(1 - cos * cos))
+    si.wi = mi.Vector3f(sin, 0, cos)
+    return np.array(bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(side * sin, 0, cos)).numpy()[:, 0])
+
+
+def test_reflections_have_a_colour_and_a_strength(tmp_path: Path) -> None:
+    """Those of what is no metal: the colour at right angles, up to all light, and the strength at all angles."""
+    plain = mirrored_light(Material(**BLACK_GLOSS))
+    assert plain.min() > 0.05
+    tinted = mirrored_light(Material(**BLACK_GLOSS, specular_colour=Value((1.0, 0.25, 0.0))))
+    np.testing.assert_allclose(tinted, plain * [1, 0.25, 0], rtol=1e-3, atol=1e-6)
+    strong = mirrored_light(Material(**BLACK_GLOSS, specular_colour=Value((100.0, 2.0, 12.5))))
+    np.testing.assert_allclose(strong, plain * [25, 2, 12.5], rtol=1e-3)
+    for cos in (1.0, 0.1):
+        full = mirrored_light(Material(**BLACK_GLOSS), cos)
+        half = mirrored_light(Material(**BLACK_GLOSS, specular=Value((0.5,))), cos)
+        np.testing.assert_allclose(half, full / 2, rtol=1e-3)
+    texels = np.array([[[255, 0, 188, 51]]], dtype=np.uint8)
+    image = Texture(texture(tmp_path, texels).picture, "srgb", nearest=True)
+    of_image = Material(
+        **BLACK_GLOSS, specular=Value((1.0,), image, "a"), specular_colour=Value((2.0, 2.0, 2.0), image)
+    )
+    np.testing.assert_allclose(mirrored_light(of_image), plain * [0.4, 0, 0.4 * GREY], rtol=5e-3, atol=1e-6)
+
+
+def test_metals_do_not_know_of_the_reflections_of_others() -> None:
+    metal = Material(base_colour=Value((0.9, 0.6, 0.3)), roughness=Value((0.4,)))
+    plain = mirrored_light(metal)
+    assert plain.min() > 0.5
+    for other in ({"specular": NONE}, {"specular_colour": Value((1.0, 0.0, 0.0))}):
+        np.testing.assert_allclose(mirrored_light(replace(metal, **other)), plain, rtol=1e-4)
+
+
+def test_what_is_matte_gets_what_the_reflection_leaves() -> None:
+    """White under an even light: less is reflected by neither of the two."""
+    count = 1 << 16
+    for more in ({"specular": Value((0.3,))}, {"specular_colour": Value((25.0, 25.0, 25.0))}, {"ior": 0.0}):
+        material = Material(metallic=NONE, roughness=Value((0.2,)), **more)
+        bsdf, si = look(square(material), np.full(count, 0.1), np.full(count, 0.1))
+        sampler = mi.load_dict({"type": "independent"})
+        sampler.seed(1, count)
+        si.wi = mi.Vector3f(0.6, 0, 0.8)
+        bs, weight = bsdf.sample(mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d())
+        value, pdf = bsdf.eval_pdf(mi.BSDFContext(), si, bs.wo)
+        np.testing.assert_allclose((weight * pdf).numpy(), value.numpy(), rtol=2e-3, atol=1e-4)
+        assert 0.95 < weight[0].numpy().mean() < 1.005
+
+
+def test_coats_and_sheen_are_shown(tmp_path: Path) -> None:
+    """With the textures of both, on both sides: what a coat adds in the mirror, and what sheen adds at the rim."""
+    matte = {"base_colour": Value((0.0, 0.0, 0.0)), "metallic": NONE, "specular": NONE}
+    half = texture(tmp_path, np.full((1, 1, 4), 128, dtype=np.uint8))
+    coat = Material(**matte, clearcoat=Value((1.0,), half, "r"), clearcoat_roughness=Value((1.0,), half, "g"))
+    D = 1 / (np.pi * (128 / 255) ** 4)  # GGX along the normal, of α = roughness²
+    np.testing.assert_allclose(mirrored_light(coat), 128 / 255 * 0.04 * D / 4, rtol=0.01)
+    fibres = Material(**matte, sheen_colour=Value((1.0, 0.5, 0.0)), sheen_roughness=Value((0.5,)))
+    rim, middle = (mirrored_light(fibres, cos, 1) for cos in (0.2, 1.0))
+    np.testing.assert_allclose(rim / rim[0], [1, 0.5, 0], atol=1e-4)
+    assert middle.max() == 0 < rim[0]
+    both = replace(coat, sheen_colour=fibres.sheen_colour, sheen_roughness=fibres.sheen_roughness)
+    share = 128 / 255 * float(mi.fresnel(mi.Float(0.2), 1.5)[0][0])
+    added = mirrored_light(both, 0.2, 1) - mirrored_light(coat, 0.2, 1)
+    np.testing.assert_allclose(added, rim * (1 - share), rtol=0.01, atol=1e-5)
+
+
+def test_normals_of_coats_from_both_sides(tmp_path: Path) -> None:
+    """To the right; where the image is mirrored, to the left, and from behind, a bump is a dent."""
+    code = np.rint((np.array([0.6, 0, 0.8]) + 1) / 2 * 255).astype(np.uint8)
+    normal = Value((1.0, 1.0), texture(tmp_path, np.tile(code, (2, 2, 1))))
+    coat = Material(
+        base_colour=Value((0.0, 0.0, 0.0)),
+        metallic=NONE,
+        specular=NONE,
+        clearcoat=ONE,
+        clearcoat_roughness=Value((0.2,)),
+        clearcoat_normal=normal,
+    )
+    for uvs, to_right in ((UV, 1), (UV * [-1, 1] + [1, 0], -1)):
+        for side in (1, -1):
+            bsdf, si = look(square(coat, uvs={0: uvs}), 0.3, 0.3)
+            tilted = si.to_local(mi.Vector3f(0.6 * to_right * side, 0, 0.8 * side))
+            si.wi = tilted
+            assert bsdf.eval(mi.BSDFContext(), si, tilted)[0][0] > 1
 
 
 def test_specular_and_glossy_colours_of_metals_and_others() -> None:
@@ -241,12 +337,14 @@ def test_glass_lets_light_through(thin: bool, roughness: float, share: float) ->
 
 
 def test_what_is_not_shown_is_told_once() -> None:
-    material = Material(anisotropy=ONE, anisotropy_rotation=1.0, specular_colour=Value((1.0, 0.5, 0.5)))
+    material = Material(
+        anisotropy=ONE, anisotropy_rotation=1.0, specular_colour=Value((1.0, 0.5, 0.5)), transmission=ONE
+    )
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         parts(square(material), square(material))
     (line,) = [str(one.message) for one in told]
-    assert "the direction of anisotropy" in line and "the colour of reflections" in line
+    assert "the direction of anisotropy" in line and "the colour of what glass reflects" in line
 
 
 def test_a_material_is_made_once() -> None:

@@ -208,7 +208,16 @@ def test_images_of_more_bits_are_textures_of_mitsubas(tmp_path: Path) -> None:
 def test_images_that_do_not_fit_into_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pieces = [square(coloured(tmp_path, k)) for k in range(2)]
     monkeypatch.setattr(album, "default_memory", lambda: 100)
-    with pytest.raises(InputError, match=r"a\.glb: its textures take .* GB, more than there is room for"):
+    refused = r"a\.glb: its textures take .* GB, more than there is room for"
+    with pytest.raises(InputError, match=refused):
+        parts(*pieces)
+    monkeypatch.undo()
+
+    def full(*_: Any) -> None:
+        raise OSError(12, "Cannot allocate memory")
+
+    monkeypatch.setattr(album.Room, "array", full)
+    with pytest.raises(InputError, match=refused):
         parts(*pieces)
 
 
@@ -217,12 +226,21 @@ def test_images_are_read_once_and_kept_once(tmp_path: Path, monkeypatch: pytest.
     image = random_texture(tmp_path)
     read: list[Any] = []
     original = album.Found.read_rgba
-    monkeypatch.setattr(
-        album.Found, "read_rgba", lambda self, reader, into: read.append(self.path) or original(self, reader, into)
-    )
+    monkeypatch.setattr(album.Found, "read_rgba", lambda self, *how: read.append(self.path) or original(self, *how))
     pieces = [
         square(Material(base_colour=Value((1.0, 1.0, 0.1 * k), image), roughness=Value((1.0,), image, "g")))
         for k in range(3)
     ]
     shapes = list(parts(*pieces).values())
     assert len(read) == 1 and len({id(shape.bsdf()) for shape in shapes}) == 1
+
+
+def test_without_memory_that_processes_share(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on systems that have none, texels come through a pipe, and are the same."""
+    shown = []
+    pieces = [square(coloured(tmp_path, k)) for k in range(3)]
+    for there in (True, False):
+        monkeypatch.setattr(album.Room, "there", lambda there=there: there)
+        shown.append([values(shape)[0] for shape in parts(*pieces).values()])
+    assert np.ptp(shown) > 0.1
+    np.testing.assert_array_equal(shown[0], shown[1])

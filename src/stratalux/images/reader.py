@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .room import Room
 
 _PROGRAM = Path(__file__).with_name("reader_process.py")
 _SECONDS = 9.0
@@ -35,6 +36,8 @@ _FILE_BYTES_PER_SECOND, _BYTES_PER_SECOND = 2e6, 1e7
 _MEMORY = 1 << 30
 """Bytes that decoding may take, and :data:`_COPIES` times the pixels: some formats are decoded as a whole."""
 _COPIES = 4
+_KEEP = {"MALLOC_MMAP_THRESHOLD_": str(1 << 25), "MALLOC_TRIM_THRESHOLD_": str(1 << 27)}
+"""Lets glibc use the memory of rows for the next ones: pages that are new to a process cost more than decoding does."""
 _PIPE = 1 << 20
 _MESSAGE = struct.Struct("<cQ")
 _LONGEST_TEXT = 1 << 24
@@ -48,10 +51,11 @@ class Reader:
     """Reads the files of one caller, one after the other, and is started again after one that it did not survive.
 
     A context manager. Methods raise :class:`ReadError` with the message of the library, and :class:`InputError` if the
-    process ended or had to be ended.
+    process ended or had to be ended. ``room``: memory that it shares with this process.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, room: Room | None = None) -> None:
+        self._room = room
         self._process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> Reader:
@@ -86,11 +90,13 @@ class Reader:
         columns: tuple[int, int],
         rows: tuple[int, int],
         into: NDArray[np.uint8 | np.uint16] | None = None,
+        at: int | None = None,
     ) -> NDArray[Any]:
         """Pixels (rows, columns, channels) of the part with that ``number``, float32.
 
         ``columns`` and ``rows``: the first one, and the one after the last, in the coordinates of the file. ``into``:
-        an array for them, of the type of whole numbers that the file has. A channel of None is as large as can be.
+        an array for them, of the type of whole numbers that the file has; ``at``: the byte of the room where it begins,
+        if it is there. A channel of None is as large as can be.
         """
         pixels: NDArray[Any] = (
             np.empty((rows[1] - rows[0], columns[1] - columns[0], len(channels)), np.float32) if into is None else into
@@ -105,17 +111,19 @@ class Reader:
             "columns": columns,
             "rows": rows,
         }
+        if at is not None and self._room is not None:
+            request["room"] = (self._room.descriptor, at, pixels.nbytes)
         self._ask(path, request, pixels)
         return pixels
 
     def _ask(self, path: Path, request: dict[str, Any], pixels: NDArray[Any]) -> dict[str, Any]:
         """The answer to ``request``; what pixels there are in it go to ``pixels``."""
-        process = self._process or self._start()
+        process = self._process or self._start(() if self._room is None else (self._room.descriptor,))
         self._process = process
         assert process.stdin is not None
         seconds = _SECONDS + os.path.getsize(path) / _FILE_BYTES_PER_SECOND + 4 * pixels.size / _BYTES_PER_SECOND
         request |= {"path": os.path.abspath(path), "memory": _MEMORY + _COPIES * 4 * pixels.size}
-        left = memoryview(pixels.reshape(-1).view(np.uint8).data)
+        left = memoryview(b"" if "room" in request else pixels.reshape(-1).view(np.uint8).data)
         deadline = time.monotonic() + seconds
         try:
             process.stdin.write(json.dumps(request).encode() + b"\n")
@@ -175,7 +183,7 @@ class Reader:
         return f"exit code {code}"
 
     @staticmethod
-    def _start() -> subprocess.Popen[bytes]:
+    def _start(inherited: Sequence[int]) -> subprocess.Popen[bytes]:
         folders = []
         for library in ("numpy", "OpenImageIO"):
             spec = importlib.util.find_spec(library)
@@ -189,8 +197,9 @@ class Reader:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             bufsize=0,
+            pass_fds=inherited,
             # Of numbers nothing is computed there; and what allocators reserve for each thread counts as memory.
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"},
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2", **_KEEP},
         )
         _widen(process)
         return process

@@ -2,12 +2,14 @@
 
 It knows nothing of this package, so that it starts in a tenth of a second. Requests are lines of JSON on its standard
 input. Each answer is a message: its kind (``J``: JSON, ``P``: pixels), its length, and as many bytes. After the pixels
-comes JSON again, which says whether they are all there.
+comes JSON again, which says whether they are all there. Where the request names a part of memory that is shared, the
+pixels are there, and JSON is all that is sent.
 """
 
 from __future__ import annotations
 
 import json
+import mmap
 import os
 import resource
 import struct
@@ -49,6 +51,10 @@ def main() -> None:
             _limit_memory(request["memory"])
             if request["what"] == "parts":
                 answer: dict[str, Any] = {"parts": parts(request["path"])}
+            elif "room" in request:
+                descriptor, at, size = request["room"]
+                _fill(descriptor, at, size, pixels(request))
+                answer = {}
             else:
                 for rows in pixels(request):
                     _send(answers, b"P", memoryview(rows).cast("B"))
@@ -182,6 +188,21 @@ def _limit_memory(size: int) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (used + size, most))
     except (OSError, ValueError):
         pass  # macOS
+
+
+def _fill(descriptor: int, at: int, size: int, blocks: Any) -> None:
+    """Write blocks of pixels one after the other into shared memory, from a byte on, so many bytes in all."""
+    begin = at // mmap.ALLOCATIONGRANULARITY * mmap.ALLOCATIONGRANULARITY
+    with mmap.mmap(descriptor, at + size - begin, offset=begin) as room:
+        here, end = at - begin, at - begin + size
+        for block in blocks:
+            content = memoryview(block).cast("B")
+            if here + len(content) > end:
+                raise RuntimeError("there are more pixels than expected")
+            room[here : here + len(content)] = content
+            here += len(content)
+    if here < end:
+        raise RuntimeError(f"{end - here} of {size} bytes are missing")
 
 
 def _send(to: Any, kind: bytes, content: bytes | memoryview) -> None:

@@ -77,16 +77,21 @@ class Found:
                 raise InputError(f"{self.name}: a texel is not a finite number; repair the image")
         return Texels(pixels, self.srgb)
 
-    def read_rgba(self, reader: Reader, into: NDArray[np.uint8]) -> None:
-        """Read what has 8 bits `into` an array (H, W, 4), of red, green, blue and alpha; raises as :meth:`texels`."""
+    def read_rgba(self, reader: Reader, into: NDArray[np.uint8], at: int | None = None) -> None:
+        """Read what has 8 bits `into` an array (H, W, 4), of red, green, blue and alpha; raises as :meth:`texels`.
+
+        `at`: the byte of the reader's room where that begins, if it is there.
+        """
         colours, alpha = self.channels[: 3 if len(self.channels) >= 3 else 1], self.channels[len(self.channels) - 1]
         with _called(self.name, self.path):
             channels = [*(colours if len(colours) == 3 else 3 * colours), None if len(self.channels) % 2 else alpha]
-            self._read(reader, channels, into)
+            self._read(reader, channels, into, at)
 
-    def _read(self, reader: Reader, channels: Sequence[int | None], into: NDArray[Any] | None) -> NDArray[Any]:
+    def _read(
+        self, reader: Reader, channels: Sequence[int | None], into: NDArray[Any] | None, at: int | None = None
+    ) -> NDArray[Any]:
         x, y, width, height = self.part["data"]
-        return reader.pixels(self.path, self.part, 0, channels, (x, x + width), (y, y + height), into)
+        return reader.pixels(self.path, self.part, 0, channels, (x, x + width), (y, y + height), into, at)
 
 
 def look_at(name: str, path: Path, reader: Reader, max_memory: int | None = None) -> Found:

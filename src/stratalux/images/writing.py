@@ -68,6 +68,8 @@ def write_image(
 
 _APART = 2.0
 """Stops between the exposure of an object and that of its picture, at most."""
+_OVER = 1.0
+"""Stops that the automatic exposure may be above that of the light that falls onto the object."""
 
 
 def write_developed(
@@ -88,20 +90,25 @@ def jpeg(pixels: NDArray[np.uint8], quality: int = 85) -> bytes:
     return encode_file(".jpg", pixels, _NAMES[3], quality=quality, attributes={"jpeg:subsampling": "4:2:0"})
 
 
-def automatic_exposure(image: Image, mask: NDArray[np.bool_] | None = None) -> float:
+def automatic_exposure(image: Image, mask: NDArray[np.bool_] | None = None, light: float = 0.0) -> float:
     """The exposure in stops that a picture of ``image`` gets unless told: that of what alpha covers.
 
     ``mask`` (H, W): pixels that count before others. What is around them still has a say: the exposure stays within
     :data:`_APART` stops of that of the whole picture, or something black would make all the rest white.
+
+    ``light``: the luminance that the object would have if it were white, where it is known. As for a photographer who
+    measures the light rather than the object, a white one becomes 1 then, or :data:`_OVER` stops more at most: what is
+    black, before a black curtain too, stays dark.
     """
     colours, alpha = _colours_and_alpha(*_channels(image))
     whole = Meter()
     add_to(whole, colours, alpha)
-    if mask is None or not mask.any():
-        return whole.stops
-    part = Meter()
-    add_to(part, colours[mask][None], None if alpha is None else alpha[mask][None])
-    return min(max(part.stops, whole.stops - _APART), whole.stops + _APART)
+    stops = whole.stops
+    if mask is not None and mask.any():
+        part = Meter()
+        add_to(part, colours[mask][None], None if alpha is None else alpha[mask][None])
+        stops = min(max(part.stops, stops - _APART), stops + _APART)
+    return min(stops, _OVER - float(np.log2(light))) if light > 0 else stops
 
 
 def add_to(meter: Meter, colours: NDArray[np.float32], alpha: NDArray[np.float32] | None) -> None:

@@ -28,6 +28,7 @@ from ..integrators.sums import Memory
 from ..integrators.techniques import Value
 from ..scenes.camera import own_camera
 from ..scenes.load import Loaded, load
+from ..scenes.metering import incident_light
 from ..scenes.sources import sources
 from ..scenes.surroundings import object_pixels
 from ..settings import documented
@@ -52,9 +53,10 @@ class RenderResult:
     ``preparation_seconds``: cutting the map and building tables; ``compile_seconds``: tracing and compiling kernels.
     ``camera_rays``, and ``shadow_rays`` towards the environment at most (none is traced where no light can arrive).
     ``picture``: all that the image depends on; with an integrator of a program's own there is None. ``measure``: how
-    large the object is, in words, and ``object_pixels`` those (H, W) that show it; of a scene, nothing. ``float32``:
-    whether the scene's film asks for numbers of 32 bits in files. ``variant``: of Mitsuba. ``earlier_seconds``:
-    that it took before it went on from a checkpoint. ``noise``: see :meth:`~..integrators.sums.Sums.noise`.
+    large the object is, in words, ``object_pixels`` those (H, W) that show it, and ``light``, what falls onto it, see
+    :func:`~..scenes.metering.incident_light`; of a scene, nothing. ``float32``: whether the scene's film asks for
+    numbers of 32 bits in files. ``variant``: of Mitsuba. ``earlier_seconds``: that it took before it went on from a
+    checkpoint. ``noise``: see :meth:`~..integrators.sums.Sums.noise`.
     ``checkpoint``: what goes on from here, see :class:`~.checkpoint.Checkpoint`; there is none with an integrator of a
     program's own. ``workers``: those of a cluster, in words, and where they are watched.
     """
@@ -71,6 +73,7 @@ class RenderResult:
     picture: PictureSettings | None = None
     measure: str = ""
     object_pixels: Callable[[], NDArray[np.bool_]] | None = None
+    light: Callable[[], float] | None = None
     float32: bool = False
     noise: NDArray[np.float32] | None = None
     earlier_seconds: float = 0.0
@@ -154,7 +157,8 @@ class RenderResult:
         """Exposure in stops of all pictures: that of the settings, or the automatic one, which meters the object."""
         if self.output.exposure is not None:
             return self.output.exposure
-        return automatic_exposure(self.bitmap, None if self.object_pixels is None else self.object_pixels())
+        mask = None if self.object_pixels is None else self.object_pixels()
+        return automatic_exposure(self.bitmap, mask, 0.0 if self.light is None else self.light())
 
     @documented(OutputSettings)
     def write(self, path: str | Path, **settings: Any) -> None:
@@ -254,6 +258,7 @@ def _render_passes(
         resume.check(identity())
         memory = resume.memory
     shows = cache(partial(object_pixels, scene, camera)) if loaded.measure else None
+    light = None if shows is None else cache(partial(_light, scene, camera, shows))
     with _maker(files, picture, identity) as (make, workers):
         for (total, done, noise), elapsed, compile_time in _timed(made.steps.all(memory, make)):
             compiling += compile_time
@@ -271,6 +276,7 @@ def _render_passes(
                 picture=None if own else picture,
                 measure=loaded.measure,
                 object_pixels=shows,
+                light=light,
                 float32="component_format = float32" in str(film),  # it says so nowhere else
                 noise=noise,
                 variant=mi.variant(),
@@ -319,6 +325,10 @@ def _maker(
     job = Job.of(picture, files, identity())
     with cluster(where, mi.variant()) as workers:
         yield workers.maker(job), str(workers)
+
+
+def _light(scene: mi.Scene, camera: mi.Sensor, shows: Callable[[], NDArray[np.bool_]]) -> float:
+    return incident_light(scene, camera, shows())
 
 
 def _checkpoint(identity: Callable[[], dict[str, Any]], memory: Memory, seconds: float) -> Checkpoint:

@@ -11,7 +11,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from ..errors import InputError
 from ..images.colour import decode
 from ..images.reader import Reader
 from ..images.reading import default_memory
+from ..images.room import Room
 from ..images.texels import Found, Texels, look_at
 from .model import Picture
 
@@ -56,7 +56,8 @@ class Album:
         self.lost: set[int] = set()
         self.curves = mi.Float(_curves())
         with ExitStack() as stack:
-            readers = _Readers(stack, len(pictures))
+            room = stack.enter_context(Room()) if Room.there() else None
+            readers = _Readers(stack, len(pictures), room)
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="stratalux-")))
             paths = [_file(picture, folder / f"texture{n}") for n, picture in enumerate(pictures)]
 
@@ -67,13 +68,12 @@ class Album:
             taken = [n for n, each in enumerate(found) if isinstance(each, Found) and each.kind == "uint8"]
             ends = np.cumsum([0] + [found[n].size[0] * found[n].size[1] for n in taken], dtype=np.int64).tolist()
             _check(ends[-1], file)
-            self.texels, host = _room(ends[-1])
-            self._bytes: NDArray[np.uint8] = host.view(np.uint8).reshape(-1, 4)
+            self._bytes: NDArray[np.uint8] = _memory(4 * ends[-1], room, file).reshape(-1, 4)
 
             def read(reader: Reader, which: int) -> Place:
                 one, start = found[taken[which]], ends[which]
                 (width, height), into = one.size, self._bytes[start : ends[which + 1]]
-                one.read_rgba(reader, into.reshape(height, width, 4))
+                one.read_rgba(reader, into.reshape(height, width, 4), None if room is None else 4 * start)
                 return Place(start, width, height, len(one.channels), one.srgb)
 
             for n, place in zip(taken, readers.all(read, range(len(taken))), strict=True):
@@ -84,8 +84,8 @@ class Album:
             elif isinstance(each, InputError):
                 self.lost.add(id(picture))
                 warn(f"{each}; the surface is shown without it")
-        if not _is_host(mi.variant()):
-            self.texels = mi.UInt32(host)
+        # Where arrays of the variant are in the memory of the host, it is this one, and not a copy.
+        self.texels = mi.UInt32(self._bytes.reshape(-1).view(np.uint32) if ends[-1] else 0)
 
     def place(self, picture: Picture) -> Place | None:
         """Where a picture is; None if it is not here."""
@@ -104,11 +104,11 @@ class Album:
 
 
 class _Readers:
-    """Processes that read so many images at most; they end with the `stack`."""
+    """Processes that read so many images at most, into a `room`; they end with the `stack`."""
 
-    def __init__(self, stack: ExitStack, most: int) -> None:
+    def __init__(self, stack: ExitStack, most: int, room: Room | None) -> None:
         count = max(1, min(_READERS, os.cpu_count() or 1, most))
-        self._readers = [stack.enter_context(Reader()) for _ in range(count)]
+        self._readers = [stack.enter_context(Reader(room)) for _ in range(count)]
         self._pool = stack.enter_context(ThreadPoolExecutor(count))
 
     def all(self, work: Callable[[Reader, int], Any], items: Sequence[int]) -> list[Any]:
@@ -138,22 +138,21 @@ def _file(picture: Picture, temporary: Path) -> Path:
     return picture.path
 
 
-def _room(count: int) -> tuple[mi.UInt32, NDArray[np.uint32]]:
-    """An array on the device, and what is to be filled on the host: the same memory, where that can be."""
-    array = dr.empty(mi.UInt32, max(count, 1))
-    return array, array.numpy()[:count] if _is_host(mi.variant()) else np.empty(count, np.uint32)
-
-
-def _is_host(variant: str) -> bool:
-    """Whether arrays of a variant are in the memory of the host."""
-    return variant.startswith("llvm")
+def _memory(size: int, room: Room | None, file: Path) -> NDArray[np.uint8]:
+    """So many bytes, in a room if there is one."""
+    try:
+        return np.empty(size, np.uint8) if room is None else room.array(size)
+    except (MemoryError, OSError):
+        raise _too_much(size, file) from None
 
 
 def _check(texels: int, file: Path) -> None:
     if 4 * texels > default_memory() or texels >= _MOST:
-        raise InputError(
-            f"{file}: its textures take {4 * texels / 1e9:.3g} GB, more than there is room for; make them smaller"
-        )
+        raise _too_much(4 * texels, file)
+
+
+def _too_much(size: int, file: Path) -> InputError:
+    return InputError(f"{file}: its textures take {size / 1e9:.3g} GB, more than there is room for; make them smaller")
 
 
 def _curves() -> NDArray[np.float32]:

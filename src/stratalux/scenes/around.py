@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 
 
@@ -30,7 +31,20 @@ def around(variant: str) -> Any:
         def eval_diffuse_reflectance(self, si: mi.SurfaceInteraction3f, active: Any = True) -> mi.Spectrum:
             return self.nested.eval_diffuse_reflectance(si, active)
 
+        def eval_null_transmission(self, si: mi.SurfaceInteraction3f, active: Any = True) -> mi.Spectrum:
+            return self.nested.eval_null_transmission(si, active)
+
         def to_string(self) -> str:
             return f"{type(self).__name__}[{self.nested}]"
 
     return Around
+
+
+def opaque(value: Any) -> Any:
+    """A number as an input of kernels, in which materials that differ in numbers alone are then one."""
+    return dr.opaque(mi.Float, value) if isinstance(value, float) else value
+
+
+def number(value: Any, si: mi.SurfaceInteraction3f, active: Any) -> Any:
+    """What a number, or a texture of numbers, is at a place."""
+    return value.eval_1(si, active) if isinstance(value, mi.Texture) else value

@@ -73,7 +73,7 @@ def _parts(shape: Shape, material: Material | None, looks: Looks, plain: Any) ->
     """A shape at all of its places, as shapes of Mitsuba or dictionaries of them."""
     colours = "colour" in shape.mesh.attributes
     sets = _sets(shape.mesh, material)
-    bent = material is not None and material.normal is not None and bool(sets)
+    bent = material is not None and bool(sets) and (material.normal or material.clearcoat_normal) is not None
     made: list[Any] = []
 
     def meshed(mesh: TriangleMesh, bsdf: Any, name: str, emitter: Any = None) -> mi.Mesh:
@@ -118,7 +118,7 @@ def _sets(mesh: TriangleMesh, material: Material | None) -> dict[int, str | None
         return {}
     used = Counter(texture.uv_set for texture in textures(material) if texture.uv_set in there)
     main = used.most_common(1)[0][0] if used else min(there)
-    bends = material.normal or material.bump
+    bends = material.normal or material.bump or material.clearcoat_normal
     if bends is not None and bends.texture is not None and bends.texture.uv_set in there:
         main = bends.texture.uv_set  # tangents follow the mesh's own
     return {number: None if number == main else f"vertex_uv{number}" for number in sorted(there)}

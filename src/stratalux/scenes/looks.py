@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
@@ -19,7 +20,8 @@ from ..images.colour import LUMINANCE
 from .absorption import absorbing
 from .bitmaps import Bitmaps
 from .lambert import lambertian
-from .model import Material, Texture, Value
+from .layers import coated, sheened
+from .model import ONE, WHITE, Material, Texture, Value
 from .sharing import Members, bent, has_images, pictures, structure
 from .textures import at_least, product
 from .varied import Tables
@@ -31,8 +33,6 @@ DIELECTRIC = 0.04
 """Reflectance at right angles of an index of refraction of 1.5."""
 _CLEAR = 0.1
 """Roughness up to which thin glass is as clear as a window."""
-_COAT_ALPHA = (0.001, 0.1)
-"""What α the coat of `principled` can have."""
 
 
 class Looks:
@@ -92,7 +92,7 @@ class Looks:
         """
         coloured = colours and material.vertex_colours
         members = self._members_of(material, sets, colours)
-        key = (id(members or material), tuple(sorted(sets.items())), coloured, mirrored and material.normal is not None)
+        key = (id(members or material), tuple(sorted(sets.items())), coloured, mirrored and bends(material))
         if key not in self._made:
             self._kept.append(material)
             self._members = members
@@ -138,16 +138,16 @@ class Looks:
         else:
             surface = self._surface(material, sets, colours)
             if surface["type"] == "principled":
-                surface = lambertian(surface)
-            bsdf = self._bent(material, sets, mirrored, surface)
+                surface = lambertian(surface, *self._reflection(material, sets))
+            bsdf = self._layered(material, sets, mirrored, surface)
             if _lets_through(material):
                 if not material.thin and min(material.attenuation) < 1 and math.isfinite(material.attenuation_distance):
                     bsdf = absorbing(bsdf, material.attenuation, material.attenuation_distance)
             else:
                 bsdf = {"type": "twosided", "front": bsdf}
                 # Mitsuba turns what a normal has along z only, and of a dent that is seen from behind, all is turned.
-                if material.double_sided and bsdf["front"] is not surface:
-                    bsdf["back"] = self._bent(material, sets, mirrored, surface, -1)
+                if material.double_sided and bends(material):
+                    bsdf["back"] = self._layered(material, sets, mirrored, surface, -1)
         return self._covered(material, sets, colours, bsdf)
 
     def _covered(self, material: Material, sets: Sets, colours: bool, bsdf: Any) -> Any:
@@ -165,12 +165,26 @@ class Looks:
             opacity = at_least(opacity, material.alpha_cutoff)
         return {"type": "mask", "opacity": opacity, "bsdf": bsdf}
 
+    def _layered(self, material: Material, sets: Sets, mirrored: bool, surface: Any, side: int = 1) -> Any:
+        """With normals, sheen and a coat. `side`: 1 for its front, -1 for its back."""
+        if _is_some(material.sheen_colour):
+            colour = self._bitmaps.colour(material.sheen_colour, sets)
+            surface = sheened(surface, colour, self._bitmaps.number(material.sheen_roughness, sets))
+        bsdf = self._bent(material, sets, mirrored, surface, side)
+        if not _is_some(material.clearcoat):
+            return bsdf
+        normal = material.clearcoat_normal
+        return coated(
+            bsdf,
+            self._number(material, "clearcoat", sets),
+            self._bitmaps.number(material.clearcoat_roughness, sets),
+            None if normal is None else self._normals(normal, sets, mirrored, side),
+        )
+
     def _bent(self, material: Material, sets: Sets, mirrored: bool, bsdf: Any, side: int = 1) -> Any:
-        """With the normals or the bumps that the material has. `side`: 1 for its front, -1 for its back."""
-        if material.clearcoat_normal is not None:
-            self.left_out.add("normal maps of coats")
+        """With the normals or the bumps that the material has."""
         if material.normal is not None:
-            texture = self._normals(material.normal, sets, mirrored, side)
+            texture = self._normals(material.normal, sets, mirrored, side, self._members)
             return bsdf if texture is None else {"type": "normalmap", "normalmap": texture, "bsdf": bsdf}
         if material.bump is not None:
             height = self._bitmaps.number(Value((1.0,), material.bump.texture, material.bump.channels), sets)
@@ -179,13 +193,13 @@ class Looks:
                 return {"type": "bumpmap", "arbitrary": height, "scale": scale, "bsdf": bsdf}
         return bsdf
 
-    def _normals(self, value: Value, sets: Sets, mirrored: bool, side: int) -> Any:
-        """The texture of a map of normals, scaled; None if there is none to be had."""
+    def _normals(self, value: Value, sets: Sets, mirrored: bool, side: int, members: Members | None = None) -> Any:
+        """The texture of a map of normals, scaled; None if there is none to be had. `members`: whose it may be."""
         texture = value.texture
         if texture is None or texture.uv_set not in sets:
             return None
-        if self._members is not None:
-            return self._members.texture("normal", lambda each: bent(each, mirrored, side), clipped=False)
+        if members is not None:
+            return members.texture("normal", lambda each: bent(each, mirrored, side), clipped=False)
         texels = self._bitmaps.raw(texture)
         if texels is None:
             return None
@@ -214,15 +228,6 @@ class Looks:
             "metallic": self._number(material, "metallic", sets),
             "eta": self._eta(material),
         }
-        if _is_some(material.clearcoat):
-            bsdf["clearcoat"] = self._number(material, "clearcoat", sets)
-            alpha = float(np.clip(self._bitmaps.mean(material.clearcoat_roughness) ** 2, *_COAT_ALPHA))
-            bsdf["clearcoat_gloss"] = (_COAT_ALPHA[1] - alpha) / (_COAT_ALPHA[1] - _COAT_ALPHA[0])
-            if material.clearcoat_roughness.texture is not None:
-                self.left_out.add("textures of the roughness of coats (their mean is taken)")
-        if _is_some(material.sheen_colour):
-            bsdf["sheen"] = self._bitmaps.mean(material.sheen_colour)
-            self.left_out.add("the colour and the roughness of sheen")
         if _is_some(material.anisotropy):
             self._stretch(material, bsdf)
         if _lets_through(material):
@@ -230,15 +235,17 @@ class Looks:
         return {name: value for name, value in bsdf.items() if name != "metallic" or value != 0}
 
     def _eta(self, material: Material) -> float:
-        """The index of refraction with the reflectance that the material has at right angles."""
+        """The index of refraction; of what lets light through, with the reflectance that it has at right angles."""
         if material.ior <= 0:  # KHR_materials_ior: reflects all
             return 1000.0
+        if not _lets_through(material):
+            return 1.0 if _is_matte(material) else max(float(material.ior), 1.0)
         reflectance = ((material.ior - 1) / (material.ior + 1)) ** 2
         colour = material.specular_colour
         if colour.texture is not None or np.ptp(np.broadcast_to(colour.factor, 3)) > 0:
-            self.left_out.add("the colour of reflections from what is no metal")
+            self.left_out.add("the colour of what glass reflects")
         if material.specular.texture is not None:
-            self.left_out.add("textures of the strength of reflections (their mean is taken)")
+            self.left_out.add("textures of how much glass reflects (their mean is taken)")
         strength = self._bitmaps.mean(material.specular) * (
             self._bitmaps.mean(colour)
             if colour.texture is not None
@@ -246,6 +253,20 @@ class Looks:
         )
         root = math.sqrt(min(max(reflectance * strength, 0.0), 0.99))
         return (1 + root) / (1 - root)
+
+    def _reflection(self, material: Material, sets: Sets) -> tuple[Any, Any, float]:
+        """How strong the reflection of what is no metal is, its colour, and a factor of that, for `lambertian`."""
+        if material.specular_glossiness is not None or _lets_through(material) or _is_matte(material):
+            return None, None, 1.0
+        strength = None if material.specular == ONE else self._bitmaps.number(material.specular, sets)
+        colour = material.specular_colour
+        if colour == WHITE:
+            return strength, None, 1.0
+        scale = max(1.0, *colour.factor, *colour.offset)
+        within = replace(
+            colour, factor=tuple(f / scale for f in colour.factor), offset=tuple(o / scale for o in colour.offset)
+        )
+        return strength, self._bitmaps.colour(within, sets), scale
 
     def _stretch(self, material: Material, bsdf: dict[str, Any]) -> None:
         """Anisotropy: α is to be α + (1 - α) s² along the tangent and α across; `principled` has α / a and α a with
@@ -342,14 +363,33 @@ def _same_size(a: NDArray[Any], b: NDArray[Any]) -> tuple[NDArray[Any], NDArray[
 def textures(material: Material) -> list[Texture]:
     """All textures of a material, those that bend its normals first."""
     given = material.specular_glossiness
-    values = [material.normal, material.bump, material.base_colour, material.metallic, material.roughness]
+    values = [
+        material.normal,
+        material.bump,
+        material.clearcoat_normal,
+        material.base_colour,
+        material.metallic,
+        material.roughness,
+    ]
     values += [given.diffuse, given.specular, given.glossiness] if given else []
-    values += [material.alpha, material.emission, material.clearcoat, material.transmission]
+    values += [material.alpha, material.emission, material.clearcoat, material.clearcoat_roughness]
+    values += [material.specular, material.specular_colour, material.sheen_colour, material.sheen_roughness]
+    values.append(material.transmission)
     return [value.texture for value in values if value is not None and value.texture is not None]
+
+
+def bends(material: Material) -> bool:
+    """Whether its images turn the normals of surfaces."""
+    return any(value is not None for value in (material.normal, material.bump, material.clearcoat_normal))
 
 
 def _lets_through(material: Material) -> bool:
     return _is_some(material.transmission) and material.specular_glossiness is None
+
+
+def _is_matte(material: Material) -> bool:
+    """Whether it reflects nothing, other than metals and what has an infinite index of refraction."""
+    return not _is_some(material.specular) and not _is_some(material.metallic)
 
 
 def _is_some(value: Value) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -22,8 +22,7 @@ from .model import Wrap
 CHANNELS = {"rgb": -1, "r": 0, "g": 1, "b": 2, "a": 3}
 
 
-@dataclass(frozen=True)
-class How:
+class How(NamedTuple):
     """What all shapes have in common. `image`: whether there are images; `channels`, `wrap` and `nearest` are those of
     :class:`.Value` and :class:`.Texture`. `attribute`: of the mesh, for other coordinates than its own. `moved`:
     whether coordinates are transformed. `curved`: whether some images follow the curve of sRGB. `scaled`: whether there
