@@ -102,6 +102,8 @@ class PathStratified(Automatic):
     two samples per pixel, one of direct light and four paths. There are no derivatives.
     """
 
+    _images = 2
+
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
         self._paths = _paths_of(props)
@@ -177,9 +179,10 @@ class PathStratified(Automatic):
             "paths", scene, sensor, partial(PathLauncher, Indirect(self, self._paths), self._paths)
         )
         launcher.begin(light)
-        view, seed = View(launcher, None), opaque_seed(mix(mi.UInt32(seed) ^ 0x1B873593))
-        pilot = pilot_paths(many, view.film.rfilter().is_box_filter())
         own, dim = memory.setdefault("paths", {}), DIM * light.mean
+        pilot = pilot_paths(many, sensor.film().rfilter().is_box_filter())
+        view = View(launcher, None, self._most(sensor, own, pilot))
+        seed = opaque_seed(mix(mi.UInt32(seed) ^ 0x1B873593))
         paths = TwoStages(view, pilot, many, seed, dim, own, beside=lambda: memory["before"])
         return {**parts, "paths": paths}
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -10,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...sampling.exact import ExactSums
-from ..launches import Arrays, grown, number_for, together
+from ..launches import Arrays, accumulate, grown, number_for
 from ..sums import UNLIMITED, Pixels, normalised
 from .adaptive import Plan, plan_samples
 from .launch import Launch, Launcher
@@ -25,8 +27,16 @@ KNOWN = 128
 """Samples per pixel that a pilot is made for where their number is not known."""
 _PLENTY = 1 << 24
 """As many as there will ever be, then."""
+PIXEL_BYTES, PART_BYTES, SAMPLE_BYTES = 450, 280, 250
+"""Memory that a pixel of the film takes, each part of its pilot, and a sample under way, as measured."""
+LEAST, SHARE = 1 << 17, 16
+"""Samples under way at least, and that share of the pixels: each time, sums over the whole film are made."""
 FIRST = 8
 """Where there are several launches, the first is smaller by this factor: there is something to see soon."""
+
+
+Range = NDArray[np.int64]
+"""Of each pixel, the number of a sample."""
 
 
 @dataclass
@@ -84,8 +94,9 @@ class Division:
 class View:
     """The film of a sensor, and samples for it."""
 
-    def __init__(self, launcher: Launcher, look: Look | None) -> None:
-        self.launcher, self.look = launcher, look
+    def __init__(self, launcher: Launcher, look: Look | None, most: int = 1 << 40) -> None:
+        """``most``: samples that are under way at the same time."""
+        self.launcher, self.look, self.most = launcher, look, most
         self.film = launcher.sensor.film()
         self.width, self.height = (int(side) for side in self.film.crop_size())
         self.pixels = self.width * self.height
@@ -102,6 +113,20 @@ class View:
     def launches(self, counts: NDArray[np.int64]) -> Division:
         """Those that give each pixel so many samples, by their number."""
         return Division(counts, self.width, self.height)
+
+    def in_pieces(self, start: Range, end: Range, piece: Callable[[Range, Range], dict[str, Any]]) -> dict[str, Any]:
+        """The sum of ``piece`` over the samples of each pixel from ``start`` to ``end``, a part of them at a time."""
+        until = np.cumsum(end - start)
+        total = int(until[-1])
+        if total <= self.most:
+            return piece(start, end)
+        before, count = start - (until - (end - start)), -(-total // self.most)
+        found: dict[str, Any] = {}
+        for k in range(count):
+            low, high = (np.clip(before + total * i // count, start, end) for i in (k, k + 1))
+            some = piece(low, high)
+            found = accumulate(found, some) if found else some
+        return found
 
     def samples(
         self,
@@ -156,7 +181,8 @@ class View:
                     inside = (r >= 0) & (r < height) & (c >= 0) & (c < width)
                     share = down * beside
                     sums.add([v * share for v in (*colours, *alphas, weight)], mi.UInt32(r * width + c), inside)
-        return np.stack([s.reshape(self.height, self.width) for s in sums], axis=-1)
+        del lanes, colours, alphas
+        return filled(sums, (self.height, self.width, self.channels), -1)
 
 
 class Pilot:
@@ -180,9 +206,11 @@ class Pilot:
 
     def launch(self, k: int) -> Arrays:
         """One of those of :attr:`launches`."""
+        return self.view.in_pieces(*self.launches[k], self._piece)
+
+    def _piece(self, first: Range, last: Range) -> dict[str, Any]:
         view, count = self.view, self.count
         expected = dr.opaque(mi.Float, self._dim)
-        first, last = self.launches[k]
         counts = Visibility.nothing(view.width, view.height) if self._learns else None
         lanes = view.samples(first, last - first, self._seed, expected, self._shared, counts)
         group = lanes.index * dr.opaque(mi.UInt32, self.parts) // dr.opaque(mi.UInt32, count)
@@ -193,21 +221,27 @@ class Pilot:
         )
         sums.begin(worth, difference)
         sums.add([*worth, *difference], group * view.pixels + lanes.pixel)
-        found = {"sums": np.reshape(list(sums), (2, 3, self.parts, view.height, view.width))}
+        del worth, difference
+        shape = 6, self.parts, view.height, view.width
+        found = {"sums": filled(sums, shape, 0).reshape(2, 3, *shape[1:])}
         weight = dr.opaque(mi.Float, 1 / count, dr.width(lanes.pixel))
         found["image"] = view.put(lanes, lanes.L, lanes.alpha, weight, most)
         found["difference"] = view.put(lanes, lanes.difference, mi.Bool(False), weight, most)
         if lanes.cost is not None:
-            cost = dr.zeros(mi.Float, view.pixels)
-            dr.scatter_add(cost, lanes.cost, lanes.pixel)  # whole numbers, exact in any order
-            found["costs"] = np.array(cost)
+            cost = dr.zeros(mi.UInt32, view.pixels)
+            dr.scatter_add(cost, mi.UInt32(lanes.cost), lanes.pixel)
+            found["costs"] = cost.numpy().astype(np.float64)
         if counts is not None:
-            found["rays"], found["free"] = map(np.array, counts)
+            found["rays"], found["free"] = (count.numpy().astype(np.float64) for count in counts)
         return found
 
     def add(self, found: Arrays) -> None:
         """What a launch has brought, or several."""
-        self._found = found if self._found is None else together(self._found, found)
+        self._found = accumulate(dict(self._found), found) if self._found else found
+
+    def forget(self) -> None:
+        """What has been found."""
+        self._found = None
 
     @property
     def found(self) -> Arrays:
@@ -217,7 +251,7 @@ class Pilot:
 
     def learned(self) -> NDArray[np.float32]:
         """What is visible."""
-        return np.array(Visibility.learn((mi.UInt32(self.found["rays"]), mi.UInt32(self.found["free"]))))
+        return np.array(Visibility.learn((mi.Float(self.found["rays"]), mi.Float(self.found["free"]))))
 
     def _worth(self, lanes: Lanes) -> mi.Spectrum:
         """What errors are looked for in: the radiance, or that over a picture as ``grey`` as the map where alpha is a
@@ -253,6 +287,15 @@ class Pilot:
 def unsigned(numbers: NDArray[np.int64]) -> mi.UInt32:
     """Modulo 2³²."""
     return mi.UInt32(numbers.astype(np.uint32))
+
+
+def filled(sums: ExactSums, shape: tuple[int, ...], axis: int) -> NDArray[np.float64]:
+    """An array of that ``shape``, which has all the sums along the ``axis``."""
+    found = np.empty(shape)
+    along = np.moveaxis(found, axis, 0)
+    for k, values in enumerate(sums):
+        along[k] = values.reshape(along[k].shape)
+    return found
 
 
 def pilot_samples(spp: int) -> int:
