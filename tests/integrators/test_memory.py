@@ -76,8 +76,8 @@ def test_a_million_samples_of_a_pixel_have_the_right_weights(monkeypatch: pytest
 @pytest.mark.parametrize(
     ("size", "words"),
     [
-        ("1000x800", ("-s", "32", "--direct", "--max-memory", "1600M")),
-        ("1000x800", ("-s", "16", "--max-memory", "2600M")),
+        ("1000x800", ("-s", "32", "--direct", "--max-memory", "1400M")),
+        ("1000x800", ("-s", "16", "--max-memory", "1950M")),
         ("2000x1500", ("-s", "2", "--max-memory", "1G", "-t", "importance:samples=2")),
     ],
 )

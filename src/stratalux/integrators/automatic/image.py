@@ -17,7 +17,7 @@ from .launch import Launcher
 from .lobes import DIM
 from .sample import AllocatedLight, AutomaticSample
 from .stages import PARTS, TwoStages
-from .view import LEAST, PART_BYTES, PIXEL_BYTES, SAMPLE_BYTES, SHARE, View, pilot_samples
+from .view import IMAGE_BYTES, LEAST, PART_BYTES, PIXEL_BYTES, SAMPLE_BYTES, SHARE, View, pilot_samples
 
 CAMERAS = ("PerspectiveCamera", "ThinLensCamera", "OrthographicCamera", "BatchSensor")
 """What has pixels that are neighbours of each other."""
@@ -147,7 +147,7 @@ class Automatic(AutomaticSample):
         samples of its pilot."""
         width, height = (int(side) for side in sensor.film().crop_size())
         least = max(LEAST, width * height // SHARE)
-        of_pixel = self._images * (PIXEL_BYTES + PART_BYTES * min(PARTS, few))
+        of_pixel = PIXEL_BYTES + self._images * (IMAGE_BYTES + PART_BYTES * min(PARTS, few))
         most = samples_at_once(self.max_memory, (width, height), of_pixel, SAMPLE_BYTES, least)
         own["most"] = min(most, int(own.get("most", most)))
         return own["most"]  # type: ignore[no-any-return]

@@ -55,6 +55,7 @@ class TwoStages:
             launches = self._pilot.launches
             for done, found in make("pilot", {}, 0, len(launches), self._pilot.launch):
                 self._pilot.add(found)
+                found = {}  # of a large film, it is much
                 if done < len(launches):
                     yield self._pilot.image(0), float(launches.until(done).mean()), None
             self._plan()

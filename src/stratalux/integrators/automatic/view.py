@@ -27,8 +27,9 @@ KNOWN = 128
 """Samples per pixel that a pilot is made for where their number is not known."""
 _PLENTY = 1 << 24
 """As many as there will ever be, then."""
-PIXEL_BYTES, PART_BYTES, SAMPLE_BYTES = 450, 280, 250
-"""Memory that a pixel of the film takes, each part of its pilot, and a sample under way, as measured."""
+PIXEL_BYTES, IMAGE_BYTES, PART_BYTES, SAMPLE_BYTES = 730, 75, 145, 250
+"""Memory that a pixel of the film takes, of each image that adds to it, and of each part of its pilot; and that a
+sample takes which is under way. As measured, from the first sample until the file is written."""
 LEAST, SHARE = 1 << 17, 16
 """Samples under way at least, and that share of the pixels: each time, sums over the whole film are made."""
 FIRST = 8
@@ -126,6 +127,7 @@ class View:
             low, high = (np.clip(before + total * i // count, start, end) for i in (k, k + 1))
             some = piece(low, high)
             found = accumulate(found, some) if found else some
+            some = {}  # of a large film, it is much
         return found
 
     def samples(
