@@ -68,9 +68,7 @@ def reduced_points(
     return points, np.bincount(label, importance(environment), len(points)).astype(np.float64)
 
 
-def blocks(
-    environment: EnvironmentMap, resolution: tuple[int, int]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def blocks(environment: EnvironmentMap, resolution: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """The points (P, 3) of :func:`reduced_points`, and that of each texel (H · W,): any one where it is black."""
     height, width = environment.height, environment.width
     rows, columns = min(resolution[0], height), min(resolution[1], width)

@@ -122,6 +122,11 @@ class Cluster:
         addresses = self._client.nthreads()  # type: ignore[no-untyped-call]
         return [self.submit(function, *arguments, workers=[address]) for address in addresses]
 
+    def one_of_each_machine(self) -> list[str]:
+        """Addresses of workers, no two of them on one machine."""
+        found = self._client.scheduler_info(n_workers=-1)["workers"]  # type: ignore[no-untyped-call]
+        return list({worker["host"]: address for address, worker in sorted(found.items())}.values())
+
     def sent(self, job: Job, hashes: list[str]) -> dict[str, Future]:
         """Files that a worker lacks, on their way, by the hashes of their contents."""
         for file in job.files:

@@ -7,7 +7,7 @@ import signal
 import socket
 import time
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
@@ -72,6 +72,11 @@ def made(job: Job, files: Mapping[str, bytes], stage: str, known: Mapping[str, A
     ``files``: contents of those that a worker has lacked, by their hashes.
     """
     return _renderer.submit(_made, job, files, stage, known, first, last).result()
+
+
+def in_turn(function: Callable[[Any], Any], part: Any) -> Any:
+    """``function`` of ``part``, where everything is rendered."""
+    return _renderer.submit(function, part).result()
 
 
 def prepared(job: Job) -> None:
