@@ -22,7 +22,7 @@ from typing import Any
 from uuid import uuid4
 
 import dask
-from distributed import CancelledError, Client, Future, LocalCluster, wait
+from distributed import CancelledError, Client, Future, LocalCluster, as_completed, wait
 from distributed import TimeoutError as Late
 
 from ...errors import InputError, SceneWarning
@@ -158,6 +158,11 @@ class Cluster:
         """Until one of them has an answer. Raises :class:`Late`."""
         with self._client.as_current():  # type: ignore[no-untyped-call]
             wait(futures, timeout=seconds, return_when="FIRST_COMPLETED")  # type: ignore[no-untyped-call]
+
+    def as_they_come(self, futures: list[Future]) -> Iterator[Future]:
+        """One after the other, when it has an answer."""
+        found: Iterator[Future] = iter(as_completed(futures, loop=self._client.loop))  # type: ignore[no-untyped-call]
+        return found
 
     def forget(self, futures: list[Future]) -> None:
         """What nobody waits for any more."""

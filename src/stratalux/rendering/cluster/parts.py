@@ -7,8 +7,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
-from distributed import as_completed
-
 from ...errors import InputError
 from .client import cluster
 from .worker import RESOURCE, in_turn
@@ -32,7 +30,7 @@ def timed(
         chosen = workers.one_of_each_machine()
         options = {"resources": {RESOURCE: 1}, "workers": chosen, "retries": 3}
         futures = {workers.submit(in_turn, function, part, **options): part for part in parts}
-        for future in as_completed(futures):  # type: ignore[no-untyped-call]
+        for future in workers.as_they_come(list(futures)):
             yield futures[future], future.result()
 
 
