@@ -15,7 +15,7 @@ from .automatic.lobes import DIM, MOST_RAYS
 from .automatic.nested_strata import PixelPoints
 from .automatic.sample import AllocatedLight, AutomaticSample
 from .automatic.stages import TwoStages
-from .automatic.view import View
+from .automatic.view import View, pilot_samples
 from .indirect.image import Indirect, added, pilot_paths
 from .indirect.launch import PathLauncher
 from .indirect.paths import Paths
@@ -102,8 +102,6 @@ class PathStratified(Automatic):
     two samples per pixel, one of direct light and four paths. There are no derivatives.
     """
 
-    _images = 2
-
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
         self._paths = _paths_of(props)
@@ -180,11 +178,17 @@ class PathStratified(Automatic):
         )
         launcher.begin(light)
         own, dim = memory.setdefault("paths", {}), DIM * light.mean
-        pilot = pilot_paths(many, sensor.film().rfilter().is_box_filter())
-        view = View(launcher, None, self._most(sensor, own, pilot))
+        view = View(launcher, None, self._most(sensor, own, few))
+        pilot = pilot_paths(many, view.film.rfilter().is_box_filter())
         seed = opaque_seed(mix(mi.UInt32(seed) ^ 0x1B873593))
         paths = TwoStages(view, pilot, many, seed, dim, own, beside=lambda: memory["before"])
         return {**parts, "paths": paths}
+
+    def _pilots(self, sensor: mi.Sensor, spp: int) -> tuple[int, ...]:
+        if not self._paths.any:
+            return super()._pilots(sensor, spp)
+        many = spp if spp >= UNLIMITED else spp * _FEWER * _MORE
+        return pilot_samples(spp), pilot_paths(many, sensor.film().rfilter().is_box_filter())
 
     def to_string(self) -> str:
         return f"PathStratified[max_depth = {self._paths.max_depth}, rr_depth = {self._paths.rr_depth}]"

@@ -32,9 +32,6 @@ class Automatic(AutomaticSample):
     Mitsuba's own order of samples, and no variate.
     """
 
-    _images = 1
-    """That are in memory at the same time."""
-
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
         self._plain = AutomaticSample(props)
@@ -138,16 +135,21 @@ class Automatic(AutomaticSample):
         launcher.begin(light)
         own, dim = memory.setdefault("direct", {}), DIM * light.mean
         few, grey = pilot_samples(spp), light.mean
-        most = self._most(sensor, own, few * self._images)  # other images have larger ones
+        most = self._most(sensor, own, spp)
         view = View(launcher, launcher.look() if light.allocation.any_bsdf_samples else None, most)
         return {"direct": TwoStages(view, few, spp, opaque_seed(seed), dim, own, grey=grey, varied=True)}
 
-    def _most(self, sensor: mi.Sensor, own: Memory, few: int) -> int:
-        """Samples under way at the same time; as before, where an image goes on that has this ``own`` memory. ``few``:
-        samples of its pilot."""
+    def _pilots(self, sensor: mi.Sensor, spp: int) -> tuple[int, ...]:
+        """Samples of the pilots of all images, where there are ``spp`` of direct light."""
+        return (pilot_samples(spp),)
+
+    def _most(self, sensor: mi.Sensor, own: Memory, spp: int) -> int:
+        """Samples under way at the same time; as before, where an image goes on that has this ``own`` memory. ``spp``:
+        of direct light."""
         width, height = (int(side) for side in sensor.film().crop_size())
         least = max(LEAST, width * height // SHARE)
-        of_pixel = PIXEL_BYTES + self._images * (IMAGE_BYTES + PART_BYTES * min(PARTS, few))
+        pilots = self._pilots(sensor, spp)
+        of_pixel = PIXEL_BYTES + sum(IMAGE_BYTES + PART_BYTES * min(PARTS, few) for few in pilots)
         most = samples_at_once(self.max_memory, (width, height), of_pixel, SAMPLE_BYTES, least)
         own["most"] = min(most, int(own.get("most", most)))
         return own["most"]  # type: ignore[no-any-return]
