@@ -41,11 +41,12 @@ for number in range(301):
 @pytest.mark.parametrize("light", ["direct", "whole"])
 @pytest.mark.parametrize("map", ["same", "changed"])
 def test_three_hundred_pictures(map: str, light: str) -> None:
-    """The last two hundred take less than 25 kB each: measured are 1 to 10, and 260 with the leak that there was."""
+    """The last two hundred take less than 100 kB each: 1 to 10 as a rule, more than 25 once on a busy machine, and 260
+    with the leak that there was."""
     root = Path(__file__).parents[2]
     env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(root), os.environ.get("PYTHONPATH", "")])}
     command = [sys.executable, "-c", PROGRAM, RGB, map, light]
     done = subprocess.run(command, env=env, cwd=root, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
     before, after = (int(line) for line in done.stdout.split())
-    assert after - before < 200 * 25_000
+    assert after - before < 200 * 100_000, (before, after)
