@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import importlib.util
 import json
@@ -26,6 +27,8 @@ distributed = pytest.importorskip("distributed")
 SEVERAL = {"size": (24, 16), "spp": 64, "seed": 3}
 """A picture of several launches, of those that are small."""
 _LAUNCH = 3000
+WORKERS = 4
+"""Of which one is killed all the time."""
 
 
 def _set(module: str, name: str, value: Any) -> None:
@@ -170,12 +173,66 @@ def test_packages_that_are_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
         stratalux.render("demo", size=(6, 4), spp=1, cluster="local:1")
 
 
+def test_items_of_a_reproduction_on_workers(scheduler: str, tmp_path: Path) -> None:
+    """What workers have made is found as if it had been made here."""
+    from stratalux.reproduce import TINY, reproduce
+    from tests.reproduce.data import make_assets
+
+    assets, told = make_assets(tmp_path / "assets"), []
+    asked = {"settings": TINY, "assets": assets}
+
+    def tell(share: float, what: str) -> None:
+        told.append(what)
+
+    reproduce(["fig1"], tmp_path / "there", **asked, progress=tell, cluster=scheduler)
+    assert told[0] == "1 of 1 items"
+    steps = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "there/steps").iterdir()}
+    reproduce(["fig1"], tmp_path / "there", **asked)
+    assert steps == {path.name: path.stat().st_mtime_ns for path in (tmp_path / "there/steps").iterdir()}
+    assert (tmp_path / "there/claims.json").exists() and steps
+
+
+def test_cases_of_the_benchmark_on_workers(scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All of them are resumed here; another kind of machine is refused."""
+    from stratalux.bench.benchmark import run_suite
+    from stratalux.bench.settings import BenchSettings
+    from stratalux.rendering.settings import MachineSettings
+    from tests.bench.made_up import TINY, make_assets
+
+    suite = dataclasses.replace(TINY, preparation=(), ladder=(1, 2, 4), most=4, reference_spp=4)
+    asked = BenchSettings(assets=str(make_assets(tmp_path / "assets")), folder=str(tmp_path / "out"))
+    machine = MachineSettings(variant=RGB, cluster=scheduler)
+    result = run_suite(suite, asked, machine)
+    assert len(result.cases) == result.about["resumed"] == 1
+    monkeypatch.setattr("stratalux.bench.benchmark.machine", lambda **_: "another")
+    with pytest.raises(InputError, match="cluster: a worker is another machine"):
+        run_suite(suite, dataclasses.replace(asked, folder=str(tmp_path / "other")), machine)
+
+
+def test_what_is_timed_shares_no_machine() -> None:
+    from stratalux.rendering.cluster.parts import timed
+
+    with pytest.raises(InputError, match="cluster: times are taken, and the processes of local:2 would share"):
+        list(timed("local:2", RGB, len, ["part"]))
+    with pytest.raises(InputError, match="cluster: a comparison times its techniques in turns, on one machine"):
+        stratalux.compare("demo", entries=["stratified", "direct"], cluster="tcp://host:1")
+
+
+def test_one_worker_of_each_machine(scheduler: str) -> None:
+    from stratalux.rendering.cluster.client import cluster
+
+    with cluster(scheduler, RGB) as workers:
+        assert workers.width == 2 and len(workers.one_of_each_machine()) == 1
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*no worker is left:stratalux.errors.SceneWarning")
 def test_workers_that_die_all_the_time() -> None:
-    """Every 5 s one is killed; what it was at is done by others, and counts once."""
+    """200 launches while every 5 s one is killed; what it was at is done by others, and counts once.
+
+    It is the one that has lived longest, and each lives 20 s: starting takes up to half of that on a busy machine."""
     psutil = pytest.importorskip("psutil")
-    asked = {"size": (600, 400), "spp": 1024, "seed": 5, "strata": 16, "proposals": 4}
+    asked = {"size": (300, 200), "spp": 12_600, "seed": 5, "strata": 2}
     over = threading.Event()
     killed: list[int] = []
 
@@ -183,11 +240,12 @@ def test_workers_that_die_all_the_time() -> None:
         while not over.wait(5):
             mine = psutil.Process().children(recursive=True)
             workers = [p for p in mine if "spawn_main" in " ".join(p.cmdline())]
-            if workers:
-                killed.append(workers[len(killed) % len(workers)].pid)
-                psutil.Process(killed[-1]).kill()
+            if len(workers) == WORKERS:
+                oldest = min(workers, key=lambda p: p.create_time())
+                killed.append(oldest.pid)
+                oldest.kill()
 
-    passes = stratalux.render_passes("demo", **asked, cluster="local:2")
+    passes = stratalux.render_passes("demo", **asked, cluster=f"local:{WORKERS}")
     last = next(passes)
     thread = threading.Thread(target=kill, daemon=True)
     thread.start()
@@ -197,5 +255,5 @@ def test_workers_that_die_all_the_time() -> None:
     finally:
         over.set()
         thread.join()
-    assert len(killed) > 3 and last.spp == 1024
+    assert len(killed) > 3 and last.spp == 12_600
     np.testing.assert_allclose(last.image, stratalux.render("demo", **asked).image, rtol=1e-4, atol=1e-6)

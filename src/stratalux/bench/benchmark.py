@@ -6,6 +6,7 @@ import datetime
 import gc
 import hashlib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -61,11 +62,12 @@ def run(
     noted. ``folder``: by default ``bench-SUITE``; gets ``results.json``
     and, in ``steps``, what an interrupted run resumes from: the steps of other code, of another machine or of other
     versions are not used. ``cache``: folder for references instead of the usual one. The ``variant`` stays active.
-    ``peers``: measure Cycles and LuxCore too, with the packages of the interpreter ``peers_python``.
+    ``peers``: measure Cycles and LuxCore too, with the packages of the interpreter ``peers_python``. ``cluster``:
+    address of a Dask scheduler, whose workers measure the cases, one at a time on each machine; all have to be alike.
 
     Raises :class:`InputError` for missing packages, and where no case has its files, before any work is done.
     """
-    machine = MachineSettings(**({"variant": settings.pop("variant")} if "variant" in settings else {}))
+    machine = MachineSettings(**{name: settings.pop(name) for name in ("variant", "cluster") if name in settings})
     chosen = find_suite(suite)
     own = Assets(assets) if not isinstance(assets, Assets) else assets
     settings |= {"suite": suite} if isinstance(suite, str) else {}
@@ -125,6 +127,8 @@ def run_suite(
     for size in suite.preparation:
         name = f"preparation {size[0]}x{size[1]}"
         preparation.append(study.step(name, {"size": size}, work[size], _preparation(size)))
+    if machine_settings.cluster is not None:
+        _on_workers(suite, asked, machine_settings, cases, common["machine"], folder)
     measured = []
     for case in cases:
         settings = {
@@ -163,6 +167,45 @@ def run_suite(
     )
     result.write(folder / "results.json")
     return result
+
+
+def _on_workers(
+    suite: Suite,
+    asked: BenchSettings,
+    machine_settings: MachineSettings,
+    cases: Sequence[Case],
+    here: Any,
+    folder: Path,
+) -> None:
+    """Let the workers of a cluster measure the cases, and keep the steps as if they had been made here."""
+    from ..rendering.cluster.parts import timed
+
+    (folder / "steps").mkdir(parents=True, exist_ok=True)
+    alone = replace(machine_settings, cluster=None)
+    parts = []
+    for case in cases:
+        opened = case in suite.open_cases
+        one = replace(suite, cases=() if opened else (case,), open_cases=(case,) if opened else (), preparation=())
+        parts.append((one, asked, alone, here))
+    for _, steps in timed(str(machine_settings.cluster), choose_variant(machine_settings.variant), _steps_of, parts):
+        for name, content in steps.items():
+            (folder / "steps" / name).write_bytes(content)
+
+
+def _steps_of(part: tuple[Suite, BenchSettings, MachineSettings, Any]) -> dict[str, bytes]:
+    """What a worker makes of a case: its steps as files. Raises :class:`InputError` on another kind of machine."""
+    from ..rendering.cluster.parts import files_of
+
+    suite, asked, machine_settings, wanted = part
+    if (own := machine(gpu=choose_variant(machine_settings.variant).startswith("cuda"))) != wanted:
+        raise InputError(
+            f"cluster: a worker is another machine ({own}) than this one ({wanted}), and times are compared; use alike"
+        )
+
+    def make(folder: Path) -> None:
+        run_suite(suite, replace(asked, folder=str(folder), peers=False, peers_python=None), machine_settings)
+
+    return files_of(make, "steps")
 
 
 def source_sha256() -> str:

@@ -55,7 +55,7 @@ def reproduce(request: ReproductionSettings, machine: MachineSettings, quiet: bo
     bar, tell = share_of_work("reproducing", quiet=quiet, speed_estimate_period=_SPEED_SECONDS)
     try:
         with bar:
-            report = run_reproduction(request, progress=tell)
+            report = run_reproduction(request, progress=tell, cluster=machine.cluster)
     except BaseException:
         if not interrupted:
             raise

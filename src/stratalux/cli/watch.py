@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
+from .left import TimeLeft, said
 from .progress import progress_bar
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ class Watched:
 
 def watch(start: Callable[[], Iterator[RenderResult]], keeper: Keeper | None, *, quiet: bool) -> Watched:
     """Run the passes that ``start`` gives. Raises :class:`InputError` as long as there is no result."""
-    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
     caught, told = 0, False
 
@@ -94,14 +95,15 @@ def watch(start: Callable[[], Iterator[RenderResult]], keeper: Keeper | None, *,
         TextColumn("{task.fields[rate]}"),
         TimeElapsedColumn(),
         TextColumn("left"),
-        TimeRemainingColumn(),
+        TextColumn("{task.fields[left]}"),
     )
     previous = {number: signal.getsignal(number) for number in _SIGNALS}
     # Where the samples of a pixel follow its error, there may be a few less in the end than asked for.
     result, complete, failed = None, False, ""
     try:
         with progress_bar(*columns, quiet=quiet) as progress:
-            task = progress.add_task("loading", total=1.0, spp="", rate="")
+            task = progress.add_task("loading", total=1.0, spp="", rate="", left=said(None))
+            ahead = TimeLeft()
             passes = start()
             for number in _SIGNALS:
                 if number != getattr(signal, "SIGHUP", None) or previous[number] is not signal.SIG_IGN:  # as by nohup
@@ -109,7 +111,8 @@ def watch(start: Callable[[], Iterator[RenderResult]], keeper: Keeper | None, *,
             progress.update(task, description="rendering")
             for result in passes:
                 rate = f"{(result.camera_rays + result.shadow_rays) / max(result.seconds, 1e-9) / 1e6:.1f} M rays/s"
-                progress.update(task, completed=result.share, spp=_said(result), rate=rate)
+                left = said(ahead.after(result.share, result.seconds))
+                progress.update(task, completed=result.share, spp=_said(result), rate=rate, left=left)
                 if result.workers and not told and not quiet:
                     _tell(f"cluster: {result.workers}")
                     told = True

@@ -99,6 +99,8 @@ def run_comparison(
     progress: Progress | None = None,
 ) -> Comparison:
     """The same from groups of settings; see :func:`compare`."""
+    if machine.cluster is not None:
+        raise InputError("cluster: a comparison times its techniques in turns, on one machine; leave it out")
     scene: Any = asked
     shown = asked if isinstance(asked, SceneSettings) else None
     if shown is not None:

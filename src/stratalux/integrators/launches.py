@@ -45,6 +45,16 @@ def together(one: Arrays, other: Arrays) -> Arrays:
     return {name: value + other[name] for name, value in one.items()}
 
 
+def accumulate(total: dict[str, Any], more: Arrays) -> dict[str, Any]:
+    """The sum of both, in the memory of ``total`` where that may be written to."""
+    for name, value in more.items():
+        if total[name].flags.writeable:
+            total[name] += value
+        else:
+            total[name] = total[name] + value
+    return total
+
+
 def grown(k: int, times: int) -> int:
     """How much ``k`` launches are where the first is 1, and each as large as all before it, up to ``times``.
 

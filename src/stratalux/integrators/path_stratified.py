@@ -17,13 +17,13 @@ from .automatic.lobes import DIM, MOST_RAYS
 from .automatic.nested_strata import PixelPoints
 from .automatic.sample import AllocatedLight, AutomaticSample
 from .automatic.stages import TwoStages
-from .automatic.view import View
+from .automatic.view import View, pilot_samples
 from .environment import MapCache
 from .indirect.image import Indirect, added, pilot_paths
 from .indirect.paths import Paths
 from .indirect.sharing import SharingLauncher
 from .indirect.tiles import TiledView
-from .indirect.whole import EACH, FEW_IN_THE_SUN, Whole, few
+from .indirect.whole import EACH, FEW_IN_THE_SUN, Whole, few, too_large
 from .launches import Maker, of_part
 from .other_emitters import OtherEmitters
 from .sight import Sight
@@ -187,31 +187,40 @@ class PathStratified(Automatic):
         make = partial(SharingLauncher, Indirect(self, self._paths), self._paths)
         launcher = self._launcher("paths", scene, sensor, make)
         launcher.begin(light)
-        view: View | None
-        if launcher.enclosed():
-            view = TiledView(launcher, None)
+        enclosed = launcher.enclosed()
+        if not enclosed and (whole := self._whole(scene, sensor, spp)):
+            own, many = memory.setdefault("whole", {}), spp * EACH
+            view: View = View(whole, None, self._most(sensor, own, many))
+            return {"whole": TwoStages(view, many, many, opaque_seed(seed), dim, own, even=True)}
+        own = memory.setdefault("paths", {})
+        if enclosed:
+            view = TiledView(launcher, self._most(sensor, own, spp))
             first = spp if view.at_once(spp) else 1
-            own = memory.setdefault("paths", {})
             paths = TwoStages(view, first, spp, other, dim, own, even=True)
             return {**super()._parts(scene, sensor, seed, spp, memory), "paths": paths}
-        if view := self._whole(scene, sensor, spp):
-            own = memory.setdefault("whole", {})
-            return {"whole": TwoStages(view, spp * EACH, spp * EACH, opaque_seed(seed), dim, own, even=True)}
         less, many = _shared_out(spp)
-        view = View(launcher, None)
-        pilot, own = pilot_paths(many, view.film.rfilter().is_box_filter()), memory.setdefault("paths", {})
+        view = View(launcher, None, self._most(sensor, own, less))
+        pilot = pilot_paths(many, view.film.rfilter().is_box_filter())
         paths = TwoStages(view, pilot, many, other, dim, own, beside=lambda: memory["before"])
         return {**super()._parts(scene, sensor, seed, less, memory), "paths": paths}
 
-    def _whole(self, scene: mi.Scene, sensor: mi.Sensor, spp: int) -> View | None:
+    def _whole(self, scene: mi.Scene, sensor: mi.Sensor, spp: int) -> Launcher | None:
         """For so few samples that all of the light is best estimated in one; None if it is not."""
-        bright = self._bright.get(scene) if spp <= FEW_IN_THE_SUN else None
-        if bright is None or spp > few(bright) or self.background != "map" or self.catcher:
+        if spp > FEW_IN_THE_SUN or self.background != "map" or self.catcher or too_large(scene):
+            return None
+        bright = self._bright.get(scene)
+        if bright is None or spp > few(bright):
             return None
         launcher = self._launcher("whole", scene, sensor, partial(Launcher, Whole(self._paths, self.hide_emitters)))
         launcher.begin(bright)
         *_, sight = launcher.seen
-        return None if sight.straight else View(launcher, None)
+        return None if sight.straight else launcher
+
+    def _pilots(self, sensor: mi.Sensor, spp: int) -> tuple[int, ...]:
+        if not self._paths.any:
+            return super()._pilots(sensor, spp)
+        many = spp if spp >= UNLIMITED else spp * _FEWER * _MORE
+        return pilot_samples(spp), pilot_paths(many, sensor.film().rfilter().is_box_filter())
 
     def to_string(self) -> str:
         return f"PathStratified[max_depth = {self._paths.max_depth}, rr_depth = {self._paths.rr_depth}]"

@@ -60,6 +60,8 @@ def ready(loaded: Loaded, picture: PictureSettings, integrator: mi.Integrator | 
     picture = replace(
         picture, sampling=replace(sampling, spp=spp % UNLIMITED), machine=replace(picture.machine, variant=mi.variant())
     )
+    if hasattr(integrator, "max_memory"):
+        integrator.max_memory = picture.machine.max_memory
     start = time.perf_counter()
     if hasattr(integrator, "prepare") and integrator.prepare(scene) is None:
         rays_per_sample = 0
@@ -67,7 +69,7 @@ def ready(loaded: Loaded, picture: PictureSettings, integrator: mi.Integrator | 
     work = int(np.prod(camera.film().crop_size())) * max(
         1, rays_per_sample * max(1, getattr(integrator, "proposals", 1) // 4)
     )
-    steps = Steps(integrator, scene, camera, sampling.seed, spp, work)
+    steps = Steps(integrator, scene, camera, sampling.seed, spp, work, picture.machine.max_memory)
     return Ready(steps, integrator, camera, picture, about, rays_per_sample, spp, preparation)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from ..images.settings import MemorySettings, OutputSettings
+from ..images.settings import MEMORY, MemorySettings, OutputSettings
 from ..scenes.settings import CameraSettings, SceneSettings
 from ..settings import Kind, Settings, command_line, option
 
@@ -114,6 +114,14 @@ class SamplingSettings(Settings):
 @dataclass(frozen=True)
 class MachineSettings(MemorySettings):
     """What computes it."""
+
+    max_memory: int | None = option(
+        None,
+        "Memory that the process may take: a larger map is refused, and fewer samples are under way at the same time.",
+        "--max-memory",
+        kind=MEMORY,
+        default_text="half of all",
+    )
 
     variant: str | None = option(
         None,

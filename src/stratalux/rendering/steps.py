@@ -10,11 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..integrators.launches import Arrays, Launch, Maker, grown, here, number_for
+from ..integrators.memory import samples_at_once
 from ..integrators.sums import UNLIMITED, Memory, Sums
 from .settings import LARGEST_SEED
 
 _SAMPLES_PER_PASS = 1 << 25
 """Light samples in one pass: about a second on two cores. A constant, so that a seed always gives the same passes."""
+_LANES = 1 << 22
+"""Camera samples in one pass, at most, or one of each pixel: it is less work where there are few light samples."""
+_PIXEL_BYTES, _LANE_BYTES = 150, 80
+"""Memory that a pixel of the film takes, and a camera sample of a pass."""
 FIRST = 8
 """Where there are several passes, the first is smaller by this factor: there is something to keep soon."""
 _SPREAD = 0x9E3779B1
@@ -29,20 +34,32 @@ Step = tuple[NDArray[np.floating[Any]], float, NDArray[np.float32] | None]
 
 
 class Steps:
-    """Those of a picture. ``work``: light samples for one per pixel."""
+    """Those of a picture. ``work``: light samples for one per pixel. ``max_memory``: bytes that the process may take,
+    see :func:`~..integrators.memory.samples_at_once`."""
 
     def __init__(
-        self, integrator: mi.Integrator, scene: mi.Scene, camera: mi.Sensor, seed: int, spp: int, work: int
+        self,
+        integrator: mi.Integrator,
+        scene: mi.Scene,
+        camera: mi.Sensor,
+        seed: int,
+        spp: int,
+        work: int,
+        max_memory: int | None = None,
     ) -> None:
         self._integrator, self._scene, self._camera, self._seed, self._spp = integrator, scene, camera, seed, spp
+        self._max_memory = max_memory
         self._automatic = getattr(integrator, "automatic", False) and integrator.adapts_to(scene, camera)
-        self._sizes = PassSizes(spp, work)
+        width, height = (int(side) for side in camera.film().crop_size())
+        self._size = width, height
+        self._sizes = PassSizes(spp, max(work, _SAMPLES_PER_PASS // _LANES * width * height))
 
     def all(self, memory: Memory, make: Maker = here) -> Iterator[Step]:
         """Pass by pass. ``memory``: of what is done, and of nothing at first. ``make``: who makes them."""
         if self._automatic:
             yield from self._integrator.passes(self._scene, self._camera, self._seed, self._spp, memory, make)
             return
+        samples_at_once(self._max_memory, self._size, _PIXEL_BYTES, _LANE_BYTES, self._size[0] * self._size[1])
         sums = Sums(memory)
         if sums.launches:
             yield sums.raw(), float(memory["done"]), sums.noise()

@@ -36,10 +36,12 @@ def reproduce(
     progress: Progress | None = None,
     force: bool = False,
     settings: Settings | None = None,
+    cluster: str | None = None,
 ) -> Report:
     """Compute ``items`` (names of :data:`ITEMS`, or ``all``) and write the report to ``folder``.
 
     ``quick``: small images and few samples, minutes in place of most of an hour; ``settings`` replaces both sizes.
+    ``cluster``: address of a Dask scheduler, whose workers make the items, one at a time on each machine.
     ``assets``: folder of the paper's map and meshes instead of the usual one. ``progress`` is told the fraction that is
     done, and what is going on. Results of steps are kept in ``folder``: when a run was interrupted, the same call goes
     on where it stopped; ``force`` computes all of them anew. A variant must be active, or ``llvm_ad_rgb`` will be.
@@ -54,13 +56,17 @@ def reproduce(
         assets=None if assets is None else str(assets),
         force=force,
     )
-    return run_reproduction(request, progress=progress, settings=settings)
+    return run_reproduction(request, progress=progress, settings=settings, cluster=cluster)
 
 
 def run_reproduction(
-    request: ReproductionSettings, *, progress: Progress | None = None, settings: Settings | None = None
+    request: ReproductionSettings,
+    *,
+    progress: Progress | None = None,
+    settings: Settings | None = None,
+    cluster: str | None = None,
 ) -> Report:
-    """The same from one object; see :func:`reproduce`."""
+    """The same from one object; see :func:`reproduce`. ``cluster``: a scheduler's address, whose workers make items."""
     chosen = [ITEMS[name] for name in item_names(request.items)]
     settings = settings or (QUICK if request.quick else FULL)
     bench = Workbench(settings, Assets(request.assets))
@@ -78,10 +84,40 @@ def run_reproduction(
     common = {"versions": provenance.versions(), "variant": mi.variant(), "code": code_digest()}
     work = {name: seconds for item in chosen for name, seconds in item.work(settings).items()}
     study = Study(folder / STEPS, common, sum(work.values()), progress)
+    if cluster is not None:
+        _on_workers(request, settings, cluster, folder, progress)
     sections = tuple(item.run(study, bench) for item in chosen)
     report = _report(sections, bench)
     write_all(report, study, settings, request, folder)
     return report
+
+
+def _on_workers(
+    request: ReproductionSettings, settings: Settings, cluster: str, folder: Path, progress: Progress | None
+) -> None:
+    """Let workers make the steps of all items, and keep them as if they had been made here."""
+    from ..rendering.cluster.parts import timed
+
+    names = item_names(request.items)
+    items = [(dataclasses.replace(request, items=(name,), force=False), settings, mi.variant()) for name in names]
+    for count, (_, steps) in enumerate(timed(cluster, mi.variant(), _steps_of, items), 1):
+        for name, content in steps.items():
+            (folder / STEPS / name).write_bytes(content)
+        if progress is not None:
+            progress(count / (len(items) + 1), f"{count} of {len(items)} items")
+
+
+def _steps_of(item: tuple[ReproductionSettings, Settings, str]) -> dict[str, bytes]:
+    """What a worker makes of an item: its steps as files."""
+    from ..rendering.cluster.parts import files_of
+
+    request, settings, variant = item
+    mi.set_variant(variant)
+
+    def make(folder: Path) -> None:
+        run_reproduction(dataclasses.replace(request, folder=str(folder / "made")), settings=settings)
+
+    return files_of(make, f"made/{STEPS}")
 
 
 def item_names(items: Sequence[str]) -> list[str]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..maps.envmap import EnvironmentMap
 from .rig import LightRig, check_count, importance, rig_from_labels
-from .voronoi import centroids, nearest, texel_directions
+from .voronoi import TexelDirections, centroids, nearest
 
 
 def kmeans(
@@ -37,7 +37,7 @@ def kmeans(
         raise InputError(
             f"kmeans: {restarts} restarts, {iterations} iterations, {resolution} points; give at least 1 each"
         )
-    texels = texel_directions(environment.height, environment.width)
+    texels = TexelDirections(environment.height, environment.width)
     points, weight = reduced_points(environment, resolution)
     n = min(n, len(points))
     rng = np.random.default_rng(seed)
@@ -64,22 +64,20 @@ def reduced_points(
 
     A map that is smaller than ``resolution`` (rows, columns) in one direction keeps its own rows or columns there.
     """
-    points, lit, label = blocks(environment, resolution)
-    return points, np.bincount(label, importance(environment)[lit], len(points)).astype(np.float64)
+    points, label = blocks(environment, resolution)
+    return points, np.bincount(label, importance(environment), len(points)).astype(np.float64)
 
 
-def blocks(
-    environment: EnvironmentMap, resolution: tuple[int, int]
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-    """The points (P, 3) of :func:`reduced_points`, the texels that are lit (K,), and their points (K,)."""
+def blocks(environment: EnvironmentMap, resolution: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """The points (P, 3) of :func:`reduced_points`, and that of each texel (H · W,): any one where it is black."""
     height, width = environment.height, environment.width
     rows, columns = min(resolution[0], height), min(resolution[1], width)
     row, column = np.arange(height) * rows // height, np.arange(width) * columns // width
     weight = importance(environment)
-    lit = np.flatnonzero(weight)
-    _, label = np.unique((row[:, None] * columns + column).ravel()[lit], return_inverse=True)
-    weight = weight[lit]
-    return centroids(texel_directions(height, width)[lit], weight, weight, label, int(label.max()) + 1), lit, label
+    cell = (row[:, None] * columns + column).astype(np.int32).ravel()
+    lit = np.bincount(cell, weight) > 0
+    label = np.maximum(np.cumsum(lit) - 1, 0).astype(np.int32)[cell]
+    return centroids(TexelDirections(height, width), weight, weight, label, int(lit.sum())), label
 
 
 def _relax(

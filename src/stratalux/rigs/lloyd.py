@@ -62,7 +62,7 @@ class _Diagram:
 
     def __init__(self, points: NDArray[np.float64], energy: NDArray[np.float64], capacity: int) -> None:
         self.points, self.energy = points, energy
-        self.owner: NDArray[np.int64] = np.zeros(len(points), dtype=np.int64)
+        self.owner: NDArray[np.integer] = np.zeros(len(points), dtype=np.int64)
         self.sites = np.empty((capacity, 3))
         self.sites[:1] = centroids(points, energy, energy, self.owner, 1)
         self.count = 1

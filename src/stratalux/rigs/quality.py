@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..maps.envmap import EnvironmentMap
-from ..maps.geometry import texel_solid_angle
 from .harmonics import COSINE, harmonics
 from .kmeans import blocks
 from .lights import Lights, frame_towards
+from .rig import colours
 
 _Float = NDArray[np.float64]
 
@@ -51,13 +51,8 @@ def sources(environment: EnvironmentMap) -> tuple[_Float, _Float]:
 
     Each is at the energy centroid of its texels; black ones are left out, unless all are.
     """
-    points, lit, label = blocks(environment, _RESOLUTION)
-    flux = np.empty((len(points), 3))
-    solid_angle = np.ravel(texel_solid_angle(environment.height, environment.width))[lit]
-    texels = environment.texels.reshape(-1, 3)[lit]
-    for c in range(3):
-        flux[:, c] = np.bincount(label, solid_angle * texels[:, c], len(points))
-    return points, flux
+    points, label = blocks(environment, _RESOLUTION)
+    return points, colours(environment, label, len(points))
 
 
 def irradiance(points: _Float, flux: _Float, normals: _Float) -> _Float:

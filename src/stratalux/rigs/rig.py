@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..maps.envmap import EnvironmentMap
 from ..maps.geometry import texel_solid_angle
 from .lights import Lights
-from .voronoi import centroids, texel_directions
+from .voronoi import TexelDirections, centroids, slices
 
 
 @dataclass(frozen=True)
@@ -100,15 +100,23 @@ def rig_from_labels(
         flat = (np.cumsum(count > 0) - 1)[flat]
         direction = None if direction is None else direction[count > 0]
     n = int(np.count_nonzero(count))
-    solid_angle = texel_solid_angle(environment.height, environment.width).ravel()
-    texels = environment.texels.reshape(-1, 3)
-    colour = np.empty((n, 3))
-    for c in range(3):
-        colour[:, c] = np.bincount(flat, solid_angle * texels[:, c], n)
+    colour = colours(environment, flat, n)
     if direction is None:
-        points = texel_directions(environment.height, environment.width)
+        points = TexelDirections(environment.height, environment.width)
+        solid_angle = texel_solid_angle(environment.height, environment.width).ravel()
         direction = centroids(points, energy(environment), solid_angle, flat, n)
     return LightRig(np.asarray(direction, np.float64), colour, flat.reshape(label.shape).astype(np.int32), method)
+
+
+def colours(environment: EnvironmentMap, label: NDArray[np.integer], n: int) -> NDArray[np.float64]:
+    """∫ L dω of the texels of each of ``n`` labels (H · W,): (n, 3)."""
+    solid_angle = texel_solid_angle(environment.height, environment.width)[:, 0]
+    texels = environment.texels.reshape(-1, 3)
+    colour = np.zeros((n, 3))
+    for some in slices(len(texels)):
+        weight = solid_angle[np.arange(some.start, some.stop) // environment.width]
+        colour += np.stack([np.bincount(label[some], weight * texels[some, c], n) for c in range(3)], axis=1)
+    return colour
 
 
 def energy(environment: EnvironmentMap) -> NDArray[np.float64]:

@@ -56,10 +56,10 @@ class ExactSums:
         dr.scatter_add(self._bad, mi.UInt32(1), place, active & ~finite)
 
     def __iter__(self) -> Iterator[NDArray[np.float64]]:
-        """The sums, one after the other."""
+        """The sums, one after the other; each is let go of, as there is one for every pixel of a large film."""
         dr.eval(self._sums, self._bad)
         bad = self._bad.numpy() != 0
-        for sums, scale in zip(self._sums, self._scales, strict=True):
-            found = sums.numpy().view(np.int64) / scale.numpy()[0]
+        for scale in self._scales:
+            found = self._sums.pop(0).numpy().view(np.int64) / scale.numpy()[0]
             found[bad] = np.nan
             yield found

@@ -11,6 +11,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..images.repair import LIMIT
@@ -84,7 +85,9 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
         for file in (Path(environment), *face_files(Path(environment))):
             source(file)
         environment = EnvironmentMap.load(environment, layout=shown.env_layout, max_memory=max_memory)
-    emitter = None if environment is None else envmap(environment)
+    # Mitsuba takes more memory and time for a bitmap than for texels that are put in the place of others.
+    later = environment is not None and not (mi.is_spectral or mi.is_monochromatic)
+    emitter = None if environment is None else envmap(_placeholder() if later else environment)
     path, size = Path(shown.source), camera.size or USUAL_SIZE
     suffix = path.suffix.lower()
     integrator: dict[str, Any] | None = None
@@ -111,6 +114,10 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
     else:
         known = ", ".join((".xml", *sorted(FORMATS)))
         raise InputError(f"{path}: unknown kind of scene; give {known}, or demo")
+    if later and environment is not None:
+        texels = _stored(environment)
+        environment = None  # or there would be two of them
+        _put(scene, texels)
     _orient(scene, shown.rotate, shown.scale, ENV_FRAMES[shown.env_frame])
     properties = _properties(scene, shown, chosen, below == "catcher", max_memory)
     return Loaded(scene, integrator, chosen, measure, properties)
@@ -181,6 +188,29 @@ def _of_object(
 def envmap(environment: EnvironmentMap) -> dict[str, Any]:
     """The Mitsuba emitter of a map, as a dictionary."""
     return {"type": "envmap", "bitmap": mi.Bitmap(environment.texels)}
+
+
+def _placeholder() -> EnvironmentMap:
+    return EnvironmentMap(np.ones((3, 4, 3), dtype=np.float32))
+
+
+def _stored(environment: EnvironmentMap) -> NDArray[np.float32]:
+    """Texels as Mitsuba's emitter has them, with one more column on either side."""
+    texels = environment.texels
+    stored = np.empty((environment.height, environment.width + 2, 3), dtype=np.float32)
+    stored[:, 1:-1], stored[:, 0], stored[:, -1] = texels, texels[:, -1], texels[:, 0]
+    return stored
+
+
+def _put(scene: mi.Scene, texels: NDArray[np.float32]) -> None:
+    """Give the map of a scene these texels."""
+    emitter = image_emitter(scene)
+    assert emitter is not None
+    params = mi.traverse(emitter)
+    params["data"] = mi.TensorXf(texels)
+    params.update()
+    del params
+    dr.flush_malloc_cache()
 
 
 def _orient(scene: mi.Scene, rotate: tuple[float, float, float], scale: float, turn: float) -> None:

@@ -61,7 +61,7 @@ def test_launches_go_over_all_samples_once(
 
     monkeypatch.setattr("stratalux.integrators.indirect.tiles.ROOM", 40)
     film = mi.load_dict({"type": "hdrfilm", "width": width, "height": height})
-    view = TiledView(SimpleNamespace(sensor=SimpleNamespace(film=lambda: film)), None)
+    view = TiledView(SimpleNamespace(sensor=SimpleNamespace(film=lambda: film)))
     seen = []
     launches = view.launches(np.full((height, width), spp), first)
     assert len(launches) == len(list(launches)) > 1

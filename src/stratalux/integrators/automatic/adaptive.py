@@ -28,6 +28,8 @@ _CHANNELS = 3
 _TINY = 1e-30
 _MOST = 5
 """Doublings of the mean count, at most."""
+_LAST = 31
+"""Doublings of one sample: those of a pixel are numbered in 32 bits."""
 _STEPS = 64
 """Of the logarithm of what a pixel needs, for each doubling."""
 _APART, _UNLIKE = 0.05, 0.01
@@ -212,7 +214,7 @@ def _counts(steps: NDArray[np.int64], budget: float, least: int, reach: int) -> 
     inside_y, inside_x = ((t >= reach) & (t < side - reach) for t in (y, x))
     apart = inside_y[:, None] & inside_x
     lowest = int(np.log2(least))
-    highest = lowest + int(np.ceil(np.log2(budget / least))) + _MOST
+    highest = min(lowest + int(np.ceil(np.log2(budget / least))) + _MOST, _LAST)
     exponents = np.empty_like(steps)
     for parity in (0, 1):
         others = steps[apart & (odd != parity)]

@@ -11,12 +11,13 @@ import mitsuba as mi
 
 from ...sampling.recording import one_at_a_time, step_by_step
 from ..launches import Arrays, Maker, here, of_part
+from ..memory import samples_at_once
 from ..sums import Memory, Noise, Pixels
 from .launch import Launcher
 from .lobes import DIM
 from .sample import AllocatedLight, AutomaticSample
-from .stages import TwoStages
-from .view import View, pilot_samples
+from .stages import PARTS, TwoStages
+from .view import IMAGE_BYTES, LEAST, PART_BYTES, PIXEL_BYTES, SAMPLE_BYTES, SHARE, View, pilot_samples
 
 AnyLauncher = TypeVar("AnyLauncher", bound=Launcher)
 CAMERAS = ("PerspectiveCamera", "ThinLensCamera", "OrthographicCamera", "BatchSensor")
@@ -37,6 +38,8 @@ class Automatic(AutomaticSample):
         self._plain = AutomaticSample(props)
         self._plain._cache = self._cache
         self._launchers: dict[str, Launcher] = {}
+        self.max_memory: int | None = None
+        """Bytes that launches may take, with all that the process has; None for half of what the machine has."""
 
     @one_at_a_time
     def render(
@@ -131,10 +134,26 @@ class Automatic(AutomaticSample):
         light = self._begin(scene, sensor)
         launcher = self._launcher("direct", scene, sensor, partial(Launcher, self))
         launcher.begin(light)
-        view = View(launcher, launcher.look() if light.allocation.any_bsdf_samples else None)
         own, dim = memory.setdefault("direct", {}), DIM * light.mean
         few, grey = pilot_samples(spp), light.mean
+        most = self._most(sensor, own, spp)
+        view = View(launcher, launcher.look() if light.allocation.any_bsdf_samples else None, most)
         return {"direct": TwoStages(view, few, spp, opaque_seed(seed), dim, own, grey=grey, varied=True)}
+
+    def _pilots(self, sensor: mi.Sensor, spp: int) -> tuple[int, ...]:
+        """Samples of the pilots of all images, where there are ``spp`` of direct light."""
+        return (pilot_samples(spp),)
+
+    def _most(self, sensor: mi.Sensor, own: Memory, spp: int) -> int:
+        """Samples under way at the same time; as before, where an image goes on that has this ``own`` memory. ``spp``:
+        of direct light."""
+        width, height = (int(side) for side in sensor.film().crop_size())
+        least = max(LEAST, width * height // SHARE)
+        pilots = self._pilots(sensor, spp)
+        of_pixel = PIXEL_BYTES + sum(IMAGE_BYTES + PART_BYTES * min(PARTS, few) for few in pilots)
+        most = samples_at_once(self.max_memory, (width, height), of_pixel, SAMPLE_BYTES, least)
+        own["most"] = min(most, int(own.get("most", most)))
+        return own["most"]  # type: ignore[no-any-return]
 
     def _begin(self, scene: mi.Scene, sensor: mi.Sensor) -> AllocatedLight:
         light = self.prepare(scene)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -11,7 +12,7 @@ import numpy as np
 from ...sampling.points import mix
 from ..launches import Arrays, Launch, Maker
 from ..sums import Memory, Noise, Pixels, Sums
-from .view import PLENTY, Pilot, View, combined, unsigned
+from .view import PLENTY, Pilot, Range, View, combined
 
 PARTS = 4
 """Of a pilot, whose differences tell its error."""
@@ -58,6 +59,7 @@ class TwoStages:
             launches = self._pilot.launches
             for done, found in make("pilot", {}, 0, len(launches), self._pilot.launch):
                 self._pilot.add(found)
+                found = {}  # of a large film, it is much
                 if done < len(launches):
                     yield self._pilot.image(0), float(launches.until(done).mean()), None
             self._plan()
@@ -88,6 +90,7 @@ class TwoStages:
         if self._even:
             memory["counts"] = np.full((self._view.height, self._view.width), min(self.spp, PLENTY))
             memory["first"] = pilot.image(0)
+            pilot.forget()
             return
         plan = pilot.plan(self.spp, self._beside() if self._beside else None)
         memory["counts"] = plan.counts
@@ -96,12 +99,13 @@ class TwoStages:
             if self._few < self.spp:
                 memory["learned"] = pilot.learned()
         memory["first"] = pilot.image(memory["share"].reshape(plan.counts.shape) if self._varied else 0)
+        pilot.forget()
 
     def _later(self) -> Launch:
         """Launches of the second stage, as the memory has it planned."""
         view, memory, few, seed = self._view, self._memory, self._few, self._seed
         counts = memory["counts"] - few
-        launches, number = view.launches(counts, few), unsigned(counts.ravel())
+        launches, number = view.launches(counts, few), mi.Float(counts.ravel().astype(np.float32))
         expected, share, learned = dr.opaque(mi.Float, self._dim), None, None
         if self._varied:
             expected = dr.maximum(mi.Float(memory["level"]), self._dim)
@@ -114,11 +118,15 @@ class TwoStages:
             samples = self._shared
             if samples is None:
                 samples = view.launcher.light_samples(mix(mix(seed) + mi.UInt32(k + 1)))
-            lanes = view.samples(few + start, end - start, seed, expected, samples, learned=learned)
-            L = lanes.L
-            if share is not None:
-                L = L + dr.gather(mi.Float, share, lanes.pixel) * lanes.difference
-            weight = dr.rcp(mi.Float(dr.gather(mi.UInt32, number, lanes.pixel)))
-            return {"raw": view.put(lanes, L, lanes.alpha, weight, int((end - start).max()))}
+
+            def piece(start: Range, end: Range) -> dict[str, Any]:
+                lanes = view.samples(start, end - start, seed, expected, samples, learned=learned)
+                L = lanes.L
+                if share is not None:
+                    L = L + dr.gather(mi.Float, share, lanes.pixel) * lanes.difference
+                weight = dr.rcp(dr.gather(mi.Float, number, lanes.pixel))
+                return {"raw": view.put(lanes, L, lanes.alpha, weight, int((end - start).max()))}
+
+            return view.in_pieces(few + start, few + end, piece)
 
         return launch

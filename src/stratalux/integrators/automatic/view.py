@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import drjit as dr
@@ -11,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...sampling.exact import ExactSums
-from ..launches import Arrays, grown, number_for, together
+from ...sampling.points import mix
+from ..launches import Arrays, accumulate, grown, number_for
 from ..sums import UNLIMITED, Pixels, normalised
 from .adaptive import Plan, plan_samples
 from .launch import Group, Launch, Launcher
@@ -26,8 +29,17 @@ KNOWN = 128
 """Samples per pixel that a pilot is made for where their number is not known."""
 PLENTY = 1 << 24
 """As many as there will ever be, then."""
+PIXEL_BYTES, IMAGE_BYTES, PART_BYTES, SAMPLE_BYTES = 730, 75, 145, 250
+"""Memory that a pixel of the film takes, of each image that adds to it, and of each part of its pilot; and that a
+sample takes which is under way. As measured, from the first sample until the file is written."""
+LEAST, SHARE = 1 << 17, 16
+"""Samples under way at least, and that share of the pixels: each time, sums over the whole film are made."""
 FIRST = 8
 """Where there are several launches, the first is smaller by this factor: there is something to see soon."""
+
+
+Range = NDArray[np.int64]
+"""Of each pixel, the number of a sample."""
 
 
 @dataclass
@@ -87,8 +99,9 @@ class Division:
 class View:
     """The film of a sensor, and samples for it."""
 
-    def __init__(self, launcher: Launcher, look: Look | None) -> None:
-        self.launcher, self.look = launcher, look
+    def __init__(self, launcher: Launcher, look: Look | None, most: int = 1 << 40) -> None:
+        """``most``: samples that are under way at the same time."""
+        self.launcher, self.look, self.most = launcher, look, most
         self.film = launcher.sensor.film()
         self.width, self.height = (int(side) for side in self.film.crop_size())
         self.pixels = self.width * self.height
@@ -116,6 +129,26 @@ class View:
         pixel = mi.UInt32(np.repeat(np.arange(self.pixels, dtype=np.uint32), number))
         before = np.cumsum(number) - number - first  # the first lane of a pixel, less the index of its sample
         return pixel, dr.arange(mi.UInt32, dr.width(pixel)) - dr.gather(mi.UInt32, unsigned(before), pixel), None
+
+    def in_pieces(self, start: Range, end: Range, piece: Callable[[Range, Range], dict[str, Any]]) -> dict[str, Any]:
+        """The sum of ``piece`` over the samples of each pixel from ``start`` to ``end``, a part of them at a time."""
+        total = int((end - start).sum())
+        if total <= self.most:
+            return piece(start, end)
+        found: dict[str, Any] = {}
+        for low, high in self.pieces(start, end, -(-total // self.most)):
+            some = piece(low, high)
+            found = accumulate(found, some) if found else some
+            some = {}  # of a large film, it is much
+        return found
+
+    def pieces(self, start: Range, end: Range, count: int) -> Iterator[tuple[Range, Range]]:
+        """The samples of each pixel from ``start`` to ``end`` in so many parts."""
+        until = np.cumsum(end - start)
+        before, total = start - (until - (end - start)), int(until[-1])
+        for k in range(count):
+            low, high = (np.clip(before + total * i // count, start, end) for i in (k, k + 1))
+            yield low, high
 
     def samples(
         self,
@@ -168,7 +201,8 @@ class View:
                     inside = (r >= 0) & (r < height) & (c >= 0) & (c < width)
                     share = down * beside
                     sums.add([v * share for v in (*colours, *alphas, weight)], mi.UInt32(r * width + c), inside)
-        return np.stack([s.reshape(self.height, self.width) for s in sums], axis=-1)
+        del lanes, colours, alphas
+        return filled(sums, (self.height, self.width, self.channels), -1)
 
 
 class Pilot:
@@ -196,11 +230,16 @@ class Pilot:
 
     def launch(self, k: int) -> Arrays:
         """One of those of :attr:`launches`."""
+        shared = self._shared
+        if shared is None and not self.parts:  # as nothing is planned, pixels may have samples of the map in common
+            shared = self.view.launcher.light_samples(mix(self._seed + mi.UInt32(~k & 0xFFFFFFFF)))
+        return self.view.in_pieces(*self.launches[k], partial(self._piece, shared))
+
+    def _piece(self, shared: mi.Float | None, first: Range, last: Range) -> dict[str, Any]:
         view, count = self.view, self.count
         expected = dr.opaque(mi.Float, self._dim)
-        first, last = self.launches[k]
         counts = Visibility.nothing(view.width, view.height) if self._learns else None
-        lanes = view.samples(first, last - first, self._seed, expected, self._shared, counts)
+        lanes = view.samples(first, last - first, self._seed, expected, shared, counts)
         most = int((last - first).max())
         found: dict[str, Any] = {"sums": self._parts(lanes, most)} if self.parts else {}
         weight = dr.opaque(mi.Float, 1 / count, dr.width(lanes.pixel))
@@ -208,11 +247,11 @@ class Pilot:
         if self._varied:
             found["difference"] = view.put(lanes, lanes.difference, mi.Bool(False), weight, most)
         if lanes.cost is not None:
-            cost = dr.zeros(mi.Float, view.pixels)
-            dr.scatter_add(cost, lanes.cost, lanes.pixel)  # whole numbers, exact in any order
-            found["costs"] = np.array(cost)
+            cost = dr.zeros(mi.UInt32, view.pixels)
+            dr.scatter_add(cost, mi.UInt32(lanes.cost), lanes.pixel)
+            found["costs"] = cost.numpy().astype(np.float64)
         if counts is not None:
-            found["rays"], found["free"] = map(np.array, counts)
+            found["rays"], found["free"] = (count.numpy().astype(np.float64) for count in counts)
         return found
 
     def _parts(self, lanes: Lanes, most: int) -> NDArray[np.float64]:
@@ -224,11 +263,18 @@ class Pilot:
         groups = [[value[c % dr.size_v(mi.Spectrum)] for c in range(3)] for value in values]
         sums.begin(*groups)
         sums.add([value for group in groups for value in group], part * view.pixels + lanes.pixel)
-        return np.reshape(list(sums), (len(values), 3, self.parts, view.height, view.width))
+        del values, groups
+        shape = self.parts, view.height, view.width
+        images = 6 if self._varied else 3
+        return filled(sums, (images, *shape), 0).reshape(images // 3, 3, *shape)
 
     def add(self, found: Arrays) -> None:
         """What a launch has brought, or several."""
-        self._found = found if self._found is None else together(self._found, found)
+        self._found = accumulate(dict(self._found), found) if self._found else found
+
+    def forget(self) -> None:
+        """What has been found."""
+        self._found = None
 
     @property
     def found(self) -> Arrays:
@@ -238,7 +284,7 @@ class Pilot:
 
     def learned(self) -> NDArray[np.float32]:
         """What is visible."""
-        return np.array(Visibility.learn((mi.UInt32(self.found["rays"]), mi.UInt32(self.found["free"]))))
+        return np.array(Visibility.learn((mi.Float(self.found["rays"]), mi.Float(self.found["free"]))))
 
     def _worth(self, lanes: Lanes) -> mi.Spectrum:
         """What errors are looked for in: the radiance, or that over a picture as ``grey`` as the map where alpha is a
@@ -276,6 +322,15 @@ class Pilot:
 def unsigned(numbers: NDArray[np.int64]) -> mi.UInt32:
     """Modulo 2³²."""
     return mi.UInt32(numbers.astype(np.uint32))
+
+
+def filled(sums: ExactSums, shape: tuple[int, ...], axis: int) -> NDArray[np.float64]:
+    """An array of that ``shape``, which has all the sums along the ``axis``."""
+    found = np.empty(shape)
+    along = np.moveaxis(found, axis, 0)
+    for k, values in enumerate(sums):
+        along[k] = values.reshape(along[k].shape)
+    return found
 
 
 def pilot_samples(spp: int) -> int:

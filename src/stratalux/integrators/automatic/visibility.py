@@ -39,7 +39,7 @@ class Visibility:
         return counts
 
     @staticmethod
-    def learn(counts: tuple[mi.UInt32, mi.UInt32]) -> mi.Float:
+    def learn(counts: tuple[mi.UInt32 | mi.Float, mi.UInt32 | mi.Float]) -> mi.Float:
         """V̂: a half where there were no rays, and never quite 0 or 1."""
         rays, free = counts
         learned = (mi.Float(free) + 0.5) / (mi.Float(rays) + 1)

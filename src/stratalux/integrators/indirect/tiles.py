@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import pairwise
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from ...sampling.points import mix
-from ..automatic.launch import Group
-from ..automatic.view import Division, View
+from ..automatic.launch import Group, Launcher
+from ..automatic.view import Division, Range, View
 
 TILE = 32
 """Pixels that share."""
@@ -18,6 +20,8 @@ ROWS, COLUMNS = 8, 16
 _AREA = ROWS * COLUMNS
 ROOM = 1 << 18
 """Camera samples of one launch, about, each of which keeps what it has to do with all others of its tile."""
+_HEAVY = 4
+"""Memory of a sample, where that of others is 1."""
 
 
 class Tiles:
@@ -62,12 +66,13 @@ class Tiles:
         after = dr.minimum(place - before + TILE, dr.minimum(area * _AREA + shift, W * H)) - place
         return pixel, sample, (lane - dr.minimum(before, lane), dr.minimum(lane + after, count))
 
-    def ranks(self, sample: int) -> NDArray[np.int64]:
-        """The place of each pixel (H, W) in the order of that sample."""
-        pixel = self.pixels(sample * self._all, self._all)[0].numpy()
-        ranks = np.empty(self._all, dtype=np.int64)
-        ranks[pixel] = np.arange(self._all)
-        return ranks
+    def until(self, place: int) -> Range:
+        """How many samples of each pixel (H W) come before place number ``place``."""
+        sample, rest = divmod(place, self._all)
+        before = np.full(self._all, sample)
+        if rest:
+            before[self.pixels(sample * self._all, rest)[0].numpy()] += 1
+        return before
 
     @property
     def _all(self) -> int:
@@ -85,28 +90,33 @@ def _shuffled(place: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:
 class TiledDivision(Division):
     """As many samples of each pixel, after the ``first`` ones, in the order of the tiles."""
 
-    def __init__(self, counts: NDArray[np.int64], tiles: Tiles, room: int, first: int) -> None:
+    def __init__(self, counts: Range, tiles: Tiles, room: int, first: int) -> None:
         super().__init__(counts, tiles.width, tiles.height, room)
         self._tiles, self._first = tiles, first
 
-    def until(self, k: int) -> NDArray[np.int64]:
-        whole, rest = divmod(round(self._total * self._share(k)), self._counts.size)
-        return whole + (self._tiles.ranks(self._first + whole) < rest).astype(np.int64)
+    def until(self, k: int) -> Range:
+        done = round(self._total * self._share(k))
+        return self._tiles.until(self._first * self._counts.size + done) - self._first
 
 
 class TiledView(View):
     """A film whose pixels are rendered tile by tile, all with as many samples."""
 
-    def __init__(self, *parts: object) -> None:
-        super().__init__(*parts)  # type: ignore[arg-type]
+    def __init__(self, launcher: Launcher, most: int = 1 << 40) -> None:
+        super().__init__(launcher, None, max(most // _HEAVY, 1))
         self._tiles = Tiles(self.width, self.height)
 
     @property
     def room(self) -> int:
         return ROOM
 
-    def launches(self, counts: NDArray[np.int64], first: int = 0) -> Division:
+    def launches(self, counts: Range, first: int = 0) -> Division:
         return TiledDivision(counts, self._tiles, self.room, first)
 
-    def lanes(self, first: NDArray[np.int64], number: NDArray[np.int64]) -> tuple[mi.UInt32, mi.UInt32, Group]:
+    def pieces(self, start: Range, end: Range, count: int) -> Iterator[tuple[Range, Range]]:
+        first, last = int(start.sum()), int(end.sum())
+        cuts = [self._tiles.until(first + (last - first) * i // count) for i in range(count + 1)]
+        yield from pairwise(cuts)
+
+    def lanes(self, first: Range, number: Range) -> tuple[mi.UInt32, mi.UInt32, Group]:
         return self._tiles.pixels(int(first.sum()), int(number.sum()))

@@ -9,7 +9,7 @@ import mitsuba as mi
 
 from ...sampling.leaf_sampler import BrightLeafSampler
 from ..automatic.nested_strata import PixelPoints
-from ..environment import MapLight
+from ..environment import MapLight, image_emitter
 from ..light_samples import FreshLight
 from ..other_emitters import OtherEmitters
 from ..sight import Sight
@@ -64,6 +64,12 @@ class Whole:
 def few(light: MapLight[BrightLeafSampler]) -> int:
     """Samples per pixel, at most, that are better spent so under this map."""
     return FEW_IN_THE_SUN if _sunny(light) else FEW
+
+
+def too_large(scene: mi.Scene) -> bool:
+    """Whether its map is, for a second table."""
+    height, width, *_ = mi.traverse(image_emitter(scene))["data"].shape
+    return bool(height * width > LARGEST_MAP)
 
 
 def _sunny(light: MapLight[BrightLeafSampler]) -> bool:

@@ -22,7 +22,7 @@ from typing import Any
 from uuid import uuid4
 
 import dask
-from distributed import CancelledError, Client, Future, LocalCluster, wait
+from distributed import CancelledError, Client, Future, LocalCluster, as_completed, wait
 from distributed import TimeoutError as Late
 
 from ...errors import InputError, SceneWarning
@@ -122,6 +122,11 @@ class Cluster:
         addresses = self._client.nthreads()  # type: ignore[no-untyped-call]
         return [self.submit(function, *arguments, workers=[address]) for address in addresses]
 
+    def one_of_each_machine(self) -> list[str]:
+        """Addresses of workers, no two of them on one machine."""
+        found = self._client.scheduler_info(n_workers=-1)["workers"]  # type: ignore[no-untyped-call]
+        return list({worker["host"]: address for address, worker in sorted(found.items())}.values())
+
     def sent(self, job: Job, hashes: list[str]) -> dict[str, Future]:
         """Files that a worker lacks, on their way, by the hashes of their contents."""
         for file in job.files:
@@ -153,6 +158,11 @@ class Cluster:
         """Until one of them has an answer. Raises :class:`Late`."""
         with self._client.as_current():  # type: ignore[no-untyped-call]
             wait(futures, timeout=seconds, return_when="FIRST_COMPLETED")  # type: ignore[no-untyped-call]
+
+    def as_they_come(self, futures: list[Future]) -> Iterator[Future]:
+        """One after the other, when it has an answer."""
+        found: Iterator[Future] = iter(as_completed(futures, loop=self._client.loop))  # type: ignore[no-untyped-call]
+        return found
 
     def forget(self, futures: list[Future]) -> None:
         """What nobody waits for any more."""

@@ -7,9 +7,10 @@ import signal
 import socket
 import time
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
@@ -30,9 +31,13 @@ from .job import Job, Missing, found
 
 RESOURCE = "stratalux"
 """Of a worker: it makes launches of one task at a time, with all of its threads."""
+_OF_LIMIT = 0.6
+"""Of a worker's memory: Dask lets nothing begin beyond 80 %, and has the results of tasks beside."""
 _SCENES = 2
 """Kept by a worker."""
 
+_memory: int | None = None
+"""Bytes that launches may take here, with all that the process has, if it is known."""
 _renderer = ThreadPoolExecutor(1, "stratalux")
 """Dr.Jit's recordings are for one thread; Dask has several for its tasks."""
 _steps: OrderedDict[str, Steps] = OrderedDict()
@@ -49,6 +54,9 @@ class Renderer(WorkerPlugin):
         self._variant, self._local = variant, local
 
     async def setup(self, worker: Any) -> None:
+        global _memory
+        limit = worker.memory_manager.memory_limit
+        _memory = int(limit * _OF_LIMIT) if limit else None
         if self._local:  # Ctrl-C reaches all processes of a terminal; it is the first one's to stop
             signal.signal(signal.SIGINT, signal.SIG_IGN)
         dr.set_thread_count(max(2, worker.state.nthreads))  # with one, Mitsuba waits for ever when it writes OpenEXR
@@ -64,6 +72,11 @@ def made(job: Job, files: Mapping[str, bytes], stage: str, known: Mapping[str, A
     ``files``: contents of those that a worker has lacked, by their hashes.
     """
     return _renderer.submit(_made, job, files, stage, known, first, last).result()
+
+
+def in_turn(function: Callable[[Any], Any], part: Any) -> Any:
+    """``function`` of ``part``, where everything is rendered."""
+    return _renderer.submit(function, part).result()
 
 
 def prepared(job: Job) -> None:
@@ -107,6 +120,7 @@ def _loaded(job: Job, files: Mapping[str, bytes]) -> Steps:
             for place in [place for place in _launches if place[0] == gone]:
                 del _launches[place]
         picture = job.settings(paths)
+        picture = replace(picture, machine=replace(picture.machine, max_memory=_share(picture.machine.max_memory)))
         choose_variant(picture.machine.variant)
         assert picture.scene is not None
         loaded = load(picture.scene, picture.camera, picture.machine.max_memory)
@@ -115,6 +129,13 @@ def _loaded(job: Job, files: Mapping[str, bytes]) -> Steps:
         _steps[job.key] = prepared.steps
     _steps.move_to_end(job.key)
     return _steps[job.key]
+
+
+def _share(asked: int | None) -> int | None:
+    """Of the memory that Dask gives this worker, which it ends beyond that: less than the one that is asked for."""
+    if _memory is None:
+        return asked
+    return _memory if asked is None else min(asked, _memory)
 
 
 def _check(job: Job, identity: Mapping[str, Any]) -> None:
