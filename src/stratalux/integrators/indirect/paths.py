@@ -187,6 +187,8 @@ class Paths:
         pdf, delta = mi.Float(1), mi.Bool(True)  # Of the sample of its BSDF; the camera's is of one direction
         M = mi.UInt32(0)  # Samples of the map there
         shown = not self._hide_emitters
+        joined = FirstPoints(index, mix(seed))
+        u_first, v_first = joined.next_1d(), joined.next_2d()
         going, seen = mi.Bool(active), mi.Bool(False)
         while going:
             si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=going)
@@ -196,14 +198,13 @@ class Paths:
             going &= si.is_valid() & (scattered < most)
 
             # ------------------------- Light that arrives here ------------------------
-            own = mix(seed + scattered * 0x9E3779B9)
-            points, joined = PixelPoints(index, own), FirstPoints(index, own)
+            points = PixelPoints(index, mix(seed + scattered * 0x9E3779B9))
             M = light.proposals(si.shape, si.bsdf(), going)
             L += β * light.sampled(points, si, si.bsdf(), M, going)
 
             # ------------------------------- The way on -------------------------------
             u, v = points.next_1d(), points.next_2d()
-            u, v = dr.select(first, joined.next_1d(), u), dr.select(first, joined.next_2d(), v)
+            u, v = dr.select(first, u_first, u), dr.select(first, v_first, v)
             bs, weight = si.bsdf().sample(mi.BSDFContext(), si, u, v, going)
             β *= weight
             going &= dr.any(β != 0)
