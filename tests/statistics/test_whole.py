@@ -18,6 +18,7 @@ RUNS = 32
 @pytest.fixture(autouse=True)
 def _always(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stratalux.integrators.indirect.whole.FEW", 1 << 30)
+    monkeypatch.setattr("stratalux.integrators.indirect.whole.FEW_MATTE", 1 << 30)
     monkeypatch.setattr("stratalux.integrators.indirect.whole.FEW_IN_THE_SUN", 1 << 30)
     monkeypatch.setattr("stratalux.integrators.path_stratified.FEW_IN_THE_SUN", 1 << 30)
     monkeypatch.setattr("stratalux.integrators.indirect.sharing.ENCLOSED", 2)
@@ -98,11 +99,20 @@ def test_what_is_behind(hidden: bool) -> None:
     np.testing.assert_array_equal(ours[behind], 0)
 
 
-def test_how_few_they_are() -> None:
+@pytest.mark.parametrize(
+    ("texels", "material", "expected"),
+    [(sun_map(), "diffuse", "FEW_IN_THE_SUN"), (None, "roughplastic", "FEW"), (EVEN, "diffuse", "FEW_MATTE")],
+    ids=["sun", "gloss", "matte"],
+)
+def test_how_few_they_are(texels: Any, material: str, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from stratalux.integrators.automatic.sample import AllocatedLight  # of the active variant
     from stratalux.integrators.environment import MapCache
-    from stratalux.integrators.indirect import whole  # of the active variant
+    from stratalux.integrators.indirect import whole
     from stratalux.sampling.leaf_sampler import BrightLeafSampler
 
-    for texels, sunny in ((sun_map(), True), (None, False), (EVEN, False)):
-        light = MapCache(BrightLeafSampler).get(mi.load_dict(scene_dict(texels=texels)))
-        assert light is not None and (light.tables.gathered > whole._SUN) is sunny
+    scene = mi.load_dict(scene_dict(material, texels))
+    integrator = mi.load_dict({"type": "path_stratified"})
+    light = MapCache(BrightLeafSampler).get(scene)
+    assert light is not None
+    monkeypatch.setattr(whole, expected, 77)
+    assert whole.few(AllocatedLight(light, integrator.prepare(scene).allocation)) == 77

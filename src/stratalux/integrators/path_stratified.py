@@ -106,7 +106,9 @@ class PathStratified(Automatic):
 
     Light that is scattered once is that of :class:`~.automatic.image.Automatic`. The rest, see
     :class:`~.indirect.paths.Paths`, is an image of its own, with camera samples of its own, which is added: for each
-    two samples per pixel, one of direct light and four paths. There are no derivatives.
+    two samples per pixel, one of direct light and four paths. In closed rooms, paths of pixels that are near share what
+    they find (:mod:`.indirect.sharing`): one such path for each sample of direct light. A few samples per pixel
+    estimate all of it in one (:mod:`.indirect.whole`). There are no derivatives.
     """
 
     def __init__(self, props: mi.Properties) -> None:
@@ -188,7 +190,7 @@ class PathStratified(Automatic):
         launcher = self._launcher("paths", scene, sensor, make)
         launcher.begin(light)
         enclosed = launcher.enclosed()
-        if not enclosed and (whole := self._whole(scene, sensor, spp)):
+        if not enclosed and (whole := self._whole(scene, sensor, spp, light)):
             own, many = memory.setdefault("whole", {}), spp * EACH
             view: View = View(whole, None, self._most(sensor, own, many))
             return {"whole": TwoStages(view, many, many, opaque_seed(seed), dim, own, even=True)}
@@ -204,12 +206,14 @@ class PathStratified(Automatic):
         paths = TwoStages(view, pilot, many, other, dim, own, beside=lambda: memory["before"])
         return {**super()._parts(scene, sensor, seed, less, memory), "paths": paths}
 
-    def _whole(self, scene: mi.Scene, sensor: mi.Sensor, spp: int) -> Launcher | None:
+    def _whole(self, scene: mi.Scene, sensor: mi.Sensor, spp: int, light: AllocatedLight[Any]) -> Launcher | None:
         """For so few samples that all of the light is best estimated in one; None if it is not."""
         if spp > FEW_IN_THE_SUN or self.background != "map" or self.catcher or too_large(scene):
             return None
-        bright = self._bright.get(scene)
-        if bright is None or spp > few(bright):
+        tables = self._bright.get(scene)
+        assert tables is not None
+        bright = AllocatedLight(tables, light.allocation)
+        if spp > few(bright):
             return None
         launcher = self._launcher("whole", scene, sensor, partial(Launcher, Whole(self._paths, self.hide_emitters)))
         launcher.begin(bright)

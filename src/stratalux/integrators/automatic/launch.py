@@ -12,12 +12,12 @@ import mitsuba as mi
 from ...sampling.points import mix, sobol_2d
 from ...sampling.recording import living_bsdfs, recorded
 from ..derivatives import parameters
-from ..environment import MapLight
 from ..light_samples import SharedLight
 from ..other_emitters import OtherEmitters
 from ..sight import Sight
 from .look import Look, look, shape_numbers
 from .nested_strata import PixelPoints
+from .sample import AllocatedLight
 from .visibility import Visibility
 
 _RECORDINGS = 8
@@ -85,7 +85,7 @@ class Launcher:
 
     def __init__(self, integrator: Estimator, scene: mi.Scene, sensor: mi.Sensor) -> None:
         self.integrator, self.scene, self.sensor = integrator, scene, sensor
-        self._light: MapLight[Any] | None = None
+        self._light: AllocatedLight[Any] | None = None
         self._others: OtherEmitters | None = None
         self._sight: Sight | None = None
         self._numbers: mi.UInt32 | None = None
@@ -98,7 +98,7 @@ class Launcher:
         for function in functions:
             self._recorded[function] = recorded(function, state_fn=self._state, limit=_RECORDINGS)
 
-    def begin(self, light: MapLight[Any]) -> None:
+    def begin(self, light: AllocatedLight[Any]) -> None:
         """Look at the scene as it is now; the launches that follow render that."""
         self._light, self._sight = light, self.integrator.sight(self.scene, light, self.sensor)
         self._others = OtherEmitters(self.scene, True, obstacles=self._sight.obstacles)
@@ -151,7 +151,7 @@ class Launcher:
         return L * importance, points.difference * importance, alpha, place
 
     @property
-    def seen(self) -> tuple[MapLight[Any], OtherEmitters, Sight]:
+    def seen(self) -> tuple[AllocatedLight[Any], OtherEmitters, Sight]:
         """What the scene has, as it was at the last :meth:`begin`."""
         assert self._light is not None and self._others is not None and self._sight is not None
         return self._light, self._others, self._sight

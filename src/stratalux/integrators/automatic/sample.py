@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -31,10 +31,13 @@ class NestedTables(LeafSampler):
         return *super().arrays(), *(self.variate.arrays() if self.variate else ())
 
 
-class AllocatedLight(MapLight[NestedTables]):
+Tables = TypeVar("Tables", bound=LeafSampler, covariant=True)
+
+
+class AllocatedLight(MapLight[Tables]):
     """The map, and what surfaces get of samples of it in one scene."""
 
-    def __init__(self, light: MapLight[NestedTables], allocation: Allocation) -> None:
+    def __init__(self, light: MapLight[Tables], allocation: Allocation) -> None:
         super().__init__(light.emitter, light.tables, light.to_world, light.scale, light.differentiated)
         self.allocation = allocation
 

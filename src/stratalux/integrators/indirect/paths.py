@@ -199,8 +199,9 @@ class Paths:
 
             # ------------------------- Light that arrives here ------------------------
             points = PixelPoints(index, mix(seed + scattered * 0x9E3779B9))
-            M = light.proposals(si.shape, si.bsdf(), going)
-            L += β * light.sampled(points, si, si.bsdf(), M, going)
+            M, N = light.proposals(si.shape, si.bsdf(), going), light.rays(si.shape, si.bsdf(), first, going)
+            L += β * light.sampled(points, si, si.bsdf(), M, going, N)
+            M *= N
 
             # ------------------------------- The way on -------------------------------
             u, v = points.next_1d(), points.next_2d()

@@ -11,7 +11,7 @@ from ...sampling.points import mix, shuffle, van_der_corput
 from ..automatic.nested_strata import PixelPoints, Survivor
 from ..automatic.sample import AllocatedLight
 from ..common import LEAST, target
-from ..environment import MapLight, looked_up
+from ..environment import looked_up
 from ..light_samples import FreshLight, SharedLight
 from ..other_emitters import OtherEmitters
 from ..straight import Scene, arriving
@@ -25,8 +25,9 @@ DETAIL = 4
 class VertexLight:
     r"""One ray towards the map and one to another emitter at each vertex, combined with the sample of the BSDF.
 
-    Of M samples x_j of the map, with the density p of its leaves, one gets a ray and stands for all, as in
-    :class:`~.nested_strata.NestedStrata`. With the density p_b of the sample ω of the BSDF,
+    (Or N rays to the map, by as many strata: then M below is N M.) Of M samples x_j of the map, with the density p of its
+    leaves, one gets a ray and stands for all, as in :class:`~.nested_strata.NestedStrata`. With the density p_b of the
+    sample ω of the BSDF,
 
         L_o ≈ 1/M Σ_j w(x_j) (L f cos V)(x_j) / p(x_j) + (1 − w(ω)) (L f cos V)(ω) / p_b(ω)
 
@@ -42,7 +43,7 @@ class VertexLight:
         scene: mi.Scene,
         obstacles: Scene,
         others: OtherEmitters,
-        light: MapLight[Any] | None,
+        light: AllocatedLight[Any] | None,
         samples: FreshLight | SharedLight | None,
     ) -> None:
         self._scene, self._obstacles, self._others = scene, obstacles, others
@@ -53,42 +54,62 @@ class VertexLight:
         few, many = dr.opaque(mi.UInt32, PROPOSALS), dr.opaque(mi.UInt32, MORE)
         if self._light is None:
             return few
-        assert isinstance(self._light, AllocatedLight)
         *_, M, matte = self._light.allocation.of(shape, bsdf, mi.UInt32(0), active)
         return mi.UInt32(dr.select(~matte & (M >= DETAIL), many, few))
 
+    def rays(self, shape: mi.ShapePtr, bsdf: mi.BSDFPtr, first: mi.Bool, active: mi.Bool) -> mi.UInt32:
+        """N, those to the map at a vertex there, which may be the ``first`` one of its path."""
+        return mi.UInt32(1)
+
     def sampled(
-        self, points: PixelPoints, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, M: mi.UInt32, active: mi.Bool
+        self,
+        points: PixelPoints,
+        si: mi.SurfaceInteraction3f,
+        bsdf: mi.BSDFPtr,
+        M: mi.UInt32,
+        active: mi.Bool,
+        N: mi.UInt32 | None = None,
     ) -> mi.Spectrum:
-        """What samples of the lights bring to ``si``, M of them from the map."""
+        """What samples of the lights bring to ``si``, M of them from the map, for each of N rays (one, unless told)."""
         active = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
         L_o = mi.Spectrum(0)
         if self._light is not None:
-            L_o += self._of_map(points, si, bsdf, M, active)
+            L_o += self._of_map(points, si, bsdf, M, mi.UInt32(1) if N is None else N, active)
         if self._others.lights:
             L_o += self._others.emitter_sampling(self._scene, points, si, bsdf, active)
         return L_o
 
     @dr.syntax
     def _of_map(
-        self, points: PixelPoints, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, M: mi.UInt32, active: mi.Bool
+        self,
+        points: PixelPoints,
+        si: mi.SurfaceInteraction3f,
+        bsdf: mi.BSDFPtr,
+        M: mi.UInt32,
+        N: mi.UInt32,
+        active: mi.Bool,
     ) -> mi.Spectrum:
         light, samples, ctx = self._light, self._samples, mi.BSDFContext()
         assert light is not None and samples is not None
-        share = dr.rcp(mi.Float(M))
+        share = dr.rcp(mi.Float(N * M))
         seed = points.next_seed()
-        first = shuffle(points.index, seed) * M
-        kept = Survivor()
-        j = mi.UInt32(0)
-        while active & (j < M):
-            point = first + j
-            where = van_der_corput(point, mix(seed))  # in units of 2⁻³² along the leaves
-            d, luminance, L_p = samples.draw(where >> (32 - light.tables.depth), where, si, active)
-            f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
-            p = self._density(luminance, M)
-            kept.offer(d, L_p * f * (dr.select(pdf > 0, p / (p + pdf), 1) * share), mix(seed ^ ~point))
-            j += 1
-        return arriving(self._obstacles, si, kept.d, kept.g, active & dr.any(kept.g != 0))
+        first = shuffle(points.index, seed) * (N * M)
+        L_o = mi.Spectrum(0)
+        k = mi.UInt32(0)
+        while active & (k < N):
+            kept = Survivor()
+            j = mi.UInt32(0)
+            while active & (j < M):
+                point = first + j * N + k
+                where = van_der_corput(point, mix(seed))  # in units of 2⁻³² along the leaves
+                d, luminance, L_p = samples.draw(where >> (32 - light.tables.depth), where, si, active)
+                f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
+                p = self._density(luminance, N * M)
+                kept.offer(d, L_p * f * (dr.select(pdf > 0, p / (p + pdf), 1) * share), mix(seed ^ ~point))
+                j += 1
+            L_o += arriving(self._obstacles, si, kept.d, kept.g, active & dr.any(kept.g != 0))
+            k += 1
+        return L_o
 
     def found(
         self,
