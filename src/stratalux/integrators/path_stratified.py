@@ -23,7 +23,7 @@ from .indirect.image import Indirect, added, pilot_paths
 from .indirect.paths import Paths
 from .indirect.sharing import SharingLauncher
 from .indirect.tiles import TiledView
-from .indirect.whole import EACH, FEW_IN_THE_SUN, Whole, few, too_large
+from .indirect.whole import EACH, FEW_IN_THE_SUN, Whole, few, sunny, too_large
 from .launches import Maker, of_part
 from .other_emitters import OtherEmitters
 from .sight import Sight
@@ -215,7 +215,9 @@ class PathStratified(Automatic):
         bright = AllocatedLight(tables, light.allocation)
         if spp > few(bright):
             return None
-        launcher = self._launcher("whole", scene, sensor, partial(Launcher, Whole(self._paths, self.hide_emitters)))
+        # One for each kind of map, as this is compiled into kernels.
+        make = partial(Launcher, Whole(self._paths, self.hide_emitters))
+        launcher = self._launcher("whole, in the sun" if sunny(bright) else "whole", scene, sensor, make)
         launcher.begin(bright)
         *_, sight = launcher.seen
         return None if sight.straight else launcher

@@ -25,9 +25,9 @@ DETAIL = 4
 class VertexLight:
     r"""One ray towards the map and one to another emitter at each vertex, combined with the sample of the BSDF.
 
-    (Or N rays to the map, by as many strata: then M below is N M.) Of M samples x_j of the map, with the density p of its
-    leaves, one gets a ray and stands for all, as in :class:`~.nested_strata.NestedStrata`. With the density p_b of the
-    sample ω of the BSDF,
+    (Or N rays to the map, by as many strata: then M below is N M.) Of M samples x_j of the map, with the density p of
+    its leaves, one gets a ray and stands for all, as in :class:`~.nested_strata.NestedStrata`. With the density p_b of
+    the sample ω of the BSDF,
 
         L_o ≈ 1/M Σ_j w(x_j) (L f cos V)(x_j) / p(x_j) + (1 − w(ω)) (L f cos V)(ω) / p_b(ω)
 

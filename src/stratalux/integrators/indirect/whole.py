@@ -65,7 +65,7 @@ class Whole:
 
 def few(light: AllocatedLight[BrightLeafSampler]) -> int:
     """Samples per pixel, at most, that are better spent so under this map, on what there is."""
-    if _sunny(light):
+    if sunny(light):
         return FEW_IN_THE_SUN
     return FEW if light.allocation.any_bsdf_samples else FEW_MATTE
 
@@ -76,18 +76,19 @@ def too_large(scene: mi.Scene) -> bool:
     return bool(height * width > LARGEST_MAP)
 
 
-def _sunny(light: AllocatedLight[BrightLeafSampler]) -> bool:
+def sunny(light: AllocatedLight[BrightLeafSampler]) -> bool:
+    """Whether nearly all light beyond the mean of the map comes from one direction."""
     return light.tables.gathered > _SUN
 
 
 class _FewRays(VertexLight):
     def proposals(self, shape: mi.ShapePtr, bsdf: mi.BSDFPtr, active: mi.Bool) -> mi.UInt32:
         assert self._light is not None
-        return dr.opaque(mi.UInt32, 1 if _sunny(self._light) else _PROPOSALS)
+        return dr.opaque(mi.UInt32, 1 if sunny(self._light) else _PROPOSALS)
 
     def rays(self, shape: mi.ShapePtr, bsdf: mi.BSDFPtr, first: mi.Bool, active: mi.Bool) -> mi.UInt32:
         assert self._light is not None
-        if _sunny(self._light):
+        if sunny(self._light):
             return mi.UInt32(1)
         N, *_ = self._light.allocation.of(shape, bsdf, mi.UInt32(0), active)
         return mi.UInt32(dr.select(first, dr.maximum(N // _LESS, 1), 1))
