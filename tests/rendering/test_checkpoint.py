@@ -18,14 +18,22 @@ SAMPLING = {
     "automatic": {"technique": "stratified"},
     "paths": {"technique": "path-stratified:max_depth=3"},
     "pinned": {"strata": 4},
+    "in one": {"technique": "path-stratified:max_depth=3"},
+    "shared": {"technique": "path-stratified:max_depth=3"},
 }
+PLACES = {"in one": ("indirect.whole.FEW", 1 << 30), "shared": ("indirect.sharing.ENCLOSED", -1)}
+"""What makes paths be of that kind, whatever the scene."""
 
 
 @pytest.mark.parametrize("name", SAMPLING)
 def test_what_goes_on_ends_as_what_was_not_stopped(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """From every pass, through a file; bit for bit where the film is ours, to rounding where it is Mitsuba's."""
     monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", 1500)
+    monkeypatch.setattr("stratalux.integrators.indirect.tiles.ROOM", 1500)
     monkeypatch.setattr("stratalux.rendering.steps._SAMPLES_PER_PASS", 4 * 18 * 12 * 4)
+    if name in PLACES:
+        place, value = PLACES[name]
+        monkeypatch.setattr(f"stratalux.integrators.{place}", value)
     scene, files, last = mi.load_dict(scene_dict("roughplastic")), [], None
     for k, last in enumerate(stratalux.render_passes(scene, spp=32, seed=3, **SAMPLING[name])):
         files.append(tmp_path / f"{k}.checkpoint")

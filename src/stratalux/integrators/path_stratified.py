@@ -193,12 +193,11 @@ class PathStratified(Automatic):
         if not enclosed and (whole := self._whole(scene, sensor, spp, light)):
             own, many = memory.setdefault("whole", {}), spp * EACH
             view: View = View(whole, None, self._most(sensor, own, many))
-            return {"whole": TwoStages(view, many, many, opaque_seed(seed), dim, own, even=True)}
+            return {"whole": TwoStages(view, view.first(many), many, opaque_seed(seed), dim, own, even=True)}
         own = memory.setdefault("paths", {})
         if enclosed:
             view = TiledView(launcher, self._most(sensor, own, spp))
-            first = spp if view.at_once(spp) else 1
-            paths = TwoStages(view, first, spp, other, dim, own, even=True)
+            paths = TwoStages(view, view.first(spp), spp, other, dim, own, even=True)
             return {**super()._parts(scene, sensor, seed, spp, memory), "paths": paths}
         less, many = _shared_out(spp)
         view = View(launcher, None, self._most(sensor, own, less))

@@ -115,6 +115,11 @@ class View:
         """Whether one launch does for so many samples per pixel."""
         return self.pixels * spp <= self.room
 
+    def first(self, spp: int) -> int:
+        """How many of so many samples of each pixel come first, where nothing is planned: all that one launch does for,
+        or one, so that there is something to see, and to go on with, after each launch."""
+        return spp if self.at_once(spp) else 1
+
     @property
     def room(self) -> int:
         """Camera samples of one launch, about."""

@@ -62,6 +62,14 @@ class Way:
             setattr(some, name, dr.gather(type(value), value, lanes))
         return some
 
+    def white(self) -> Way:
+        """The same with the weight 1: another one, as what is recorded must not change what it is given."""
+        other = Way()
+        for name in self.DRJIT_STRUCT:
+            setattr(other, name, getattr(self, name))
+        other.β = mi.Spectrum(1)
+        return other
+
 
 class Paths:
     r"""What arrives along camera rays after two scatterings or more.

@@ -128,15 +128,14 @@ class SharingLauncher(PathLauncher):
         seed = mix(pixel ^ mix(seed))
         samples = FreshLight(light, seed) if shared is None else SharedLight(shared)
         arriving = VertexLight(scene, sight.obstacles or scene, others, light, samples)
-        β, way.β = way.β, mi.Spectrum(1)
-        L = self._paths.follow(scene, arriving, sight, index, seed, way)
+        L = self._paths.follow(scene, arriving, sight, index, seed, way.white())
         si = scene.ray_intersect(way.ray, mi.RayFlags.All, coherent=False)
         shares = self._shares(way, si, si.is_valid())
         n, s = (dr.mulsign(normal, -dr.dot(normal, way.ray.d)) for normal in (si.n, si.sh_frame.n))
         light_out = [*L, *[mi.Float(0)] * (4 - dr.size_v(mi.Spectrum))]
         for k, vector in enumerate(([*si.p, mi.Float(1)], [*n, mi.Float(0)], [*s, mi.Float(0)], light_out)):
             dr.scatter(found, mi.Vector4f(*vector), _RECORD * lanes + k, shares)
-        return dr.select(shares, 0, β * L)
+        return dr.select(shares, 0, way.β * L)
 
     @dr.syntax
     def _connections(
