@@ -9,14 +9,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ...sampling.points import mix
 from ..automatic.launch import Estimator, Launch, camera_samples
 from ..common import by_identity
-from ..light_samples import FreshLight, SharedLight
 from .launch import PathLauncher
 from .paths import Paths, Way
 from .tiles import TILE
-from .vertex import VertexLight
 
 ENCLOSED = 0.6
 """Share of the paths that meet a second surface that can be shared, from which on they are: in open scenes, counts of
@@ -124,11 +121,7 @@ class SharingLauncher(PathLauncher):
         found: mi.Float,
     ) -> mi.Spectrum:
         """Write to ``found`` what can be shared, and return what cannot be."""
-        light, others, sight = self.seen
-        seed = mix(pixel ^ mix(seed))
-        samples = FreshLight(light, seed) if shared is None else SharedLight(shared)
-        arriving = VertexLight(scene, sight.obstacles or scene, others, light, samples)
-        L = self._paths.follow(scene, arriving, sight, index, seed, way.white())
+        L = self._follow_paths(scene, sensor, width, extent, way.white(), index, pixel, seed, shared)
         si = scene.ray_intersect(way.ray, mi.RayFlags.All, coherent=False)
         shares = self._shares(way, si, si.is_valid())
         n, s = (dr.mulsign(normal, -dr.dot(normal, way.ray.d)) for normal in (si.n, si.sh_frame.n))
