@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .around import around, number, opaque
+from .number_texture import number_texture
 
 _COAT_ETA = 1.5
 _SMALLEST_ALPHA = 0.001
@@ -118,31 +119,9 @@ def albedos() -> NDArray[np.float32]:
 def _kinds(variant: str) -> SimpleNamespace:
     """The classes for a variant, whose own they derive from."""
 
-    class Numbers(mi.Texture):
-        """A texture of numbers."""
+    Numbers = number_texture(variant)
 
-        def __init__(self) -> None:
-            super().__init__(mi.Properties())
-
-        def eval(self, si: mi.SurfaceInteraction3f, active: mi.Bool = True) -> mi.Spectrum:
-            return mi.Spectrum(self.eval_1(si, active))
-
-        def mean(self) -> mi.Float:
-            return mi.Float(0.5)
-
-        def max(self) -> float:
-            return 1.0
-
-        def is_spatially_varying(self) -> bool:
-            return True
-
-        def traverse(self, callback: Any) -> None:
-            pass
-
-        def to_string(self) -> str:
-            return f"{type(self).__name__}[]"
-
-    class Alpha(Numbers):
+    class Alpha(Numbers):  # type: ignore[misc, valid-type]
         """The α of GGX."""
 
         def __init__(self, roughness: Any) -> None:
@@ -152,7 +131,7 @@ def _kinds(variant: str) -> SimpleNamespace:
         def eval_1(self, si: mi.SurfaceInteraction3f, active: mi.Bool = True) -> mi.Float:
             return dr.maximum(dr.square(number(self.roughness, si, active)), _SMALLEST_ALPHA)
 
-    class CoatShare(Numbers):
+    class CoatShare(Numbers):  # type: ignore[misc, valid-type]
         """What a coat reflects of the light that comes, or goes, the way of the eye."""
 
         def __init__(self, strength: Any, normals: Any) -> None:
@@ -167,7 +146,7 @@ def _kinds(variant: str) -> SimpleNamespace:
                 cos = dr.abs(dr.dot(n, si.wi))
             return dr.select(front, number(self.strength, si, active) * mi.fresnel(cos, _COAT_ETA)[0], 0)
 
-    class Albedo(Numbers):
+    class Albedo(Numbers):  # type: ignore[misc, valid-type]
         """What fibres reflect in all, of what is seen at the angle of the eye."""
 
         def __init__(self, roughness: Any) -> None:
@@ -186,7 +165,7 @@ def _kinds(variant: str) -> SimpleNamespace:
             )
             return self.table.eval(place, active)[0]
 
-    class SheenShare(Numbers):
+    class SheenShare(Numbers):  # type: ignore[misc, valid-type]
         """What fibres take of the light that comes, or goes, the way of the eye: of the colour that they take most."""
 
         def __init__(self, colour: Any, albedo: Any) -> None:

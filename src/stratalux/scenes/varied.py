@@ -18,6 +18,7 @@ import numpy as np
 
 from .album import Album, Place
 from .model import Wrap
+from .number_texture import number_texture
 
 CHANNELS = {"rgb": -1, "r": 0, "g": 1, "b": 2, "a": 3}
 
@@ -78,9 +79,9 @@ def varied(how: How) -> Any:
 def _kind(variant: str) -> Any:
     """The class for a variant, whose own texture class it derives from."""
 
-    class Varied(mi.Texture):
+    class Varied(number_texture(variant)):  # type: ignore[misc]
         def __init__(self, how: How) -> None:
-            super().__init__(mi.Properties())
+            super().__init__()
             self.how = how
 
         def fill(self, rows: Sequence[Row], album: Album, numbers: mi.UInt32, tables: Tables) -> None:
@@ -112,18 +113,6 @@ def _kind(variant: str) -> Any:
             if self.how.channels == "rgb":
                 return mi.Color3f(self._values(si, [0, 1, 2]))
             return mi.Color3f(self.eval_1(si, active))
-
-        def mean(self) -> mi.Float:
-            return mi.Float(0.5)
-
-        def max(self) -> float:
-            return 1.0
-
-        def is_spatially_varying(self) -> bool:
-            return True
-
-        def traverse(self, callback: Any) -> None:
-            pass
 
         def to_string(self) -> str:
             return f"Varied[{self.how}]"
