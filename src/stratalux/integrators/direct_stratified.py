@@ -193,7 +193,7 @@ class Proposals:
         ``u`` chooses the leaf, and its bits the point inside where that is drawn anew.
         """
         leaf = i * self._leaves + dr.minimum(mi.UInt32(u * mi.Float(self._leaves)), self._leaves - 1)
-        d, luminance, L_p = self._samples.draw(leaf, dr.reinterpret_array(mi.UInt32, u), self._si, active)
+        d, luminance, L_p, _ = self._samples.draw(leaf, dr.reinterpret_array(mi.UInt32, u), self._si, active)
         density = self._density(i, luminance, active)
         return d, L_p * self._mis.eval(self._si, self._bsdf, self._si.to_local(d), density, active)
 

@@ -25,14 +25,15 @@ class FreshLight:
 
     def draw(
         self, leaf: mi.UInt32, random: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool
-    ) -> tuple[mi.Vector3f, mi.Float, mi.Spectrum]:
-        """A direction of the world, luminance(L), and L / p; the point inside the leaf is a hash of ``random``."""
+    ) -> tuple[mi.Vector3f, mi.Float, mi.Spectrum, mi.Float]:
+        """A direction of the world, luminance(L), L / p, 1 / p; the point inside the leaf is a hash of ``random``."""
         inside = mix(self._seed + random)
         u = mi.Point2f(mi.Float(inside & 0xFFFF) * 2.0**-16, mi.Float(inside >> 16) * 2.0**-16)
         x = self._light.tables.sample(leaf, u, active)
         d = self._light.to_world @ x.d
         L = self._light.radiance(si, x.uv, d, active)
-        return d, target(L), L * dr.select(x.pdf > 0, dr.rcp(x.pdf), 0)
+        inverse = dr.select(x.pdf > 0, dr.rcp(x.pdf), 0)
+        return d, target(L), L * inverse, inverse
 
 
 class SharedLight:
@@ -53,17 +54,17 @@ class SharedLight:
         """The records of a sample in each leaf."""
         leaf = dr.arange(mi.UInt32, light.tables.count)
         si = dr.zeros(mi.SurfaceInteraction3f)
-        d, luminance, L_p = FreshLight(light, mix(seed)).draw(leaf, leaf, si, mi.Bool(True))
-        channels = [*L_p, *[0] * (4 - dr.size_v(mi.Spectrum))]
-        records = dr.ravel(mi.ArrayXf([*d, luminance, *channels]))
+        d, luminance, L_p, inverse = FreshLight(light, mix(seed)).draw(leaf, leaf, si, mi.Bool(True))
+        channels = [*L_p, *[0] * (3 - dr.size_v(mi.Spectrum))]
+        records = dr.ravel(mi.ArrayXf([*d, luminance, *channels, inverse]))
         dr.eval(records)
         return records
 
     def draw(
         self, leaf: mi.UInt32, random: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool
-    ) -> tuple[mi.Vector3f, mi.Float, mi.Spectrum]:
+    ) -> tuple[mi.Vector3f, mi.Float, mi.Spectrum, mi.Float]:
         """As :meth:`FreshLight.draw`; there is no need for a ``random`` number."""
         first = dr.gather(mi.Vector4f, self._records, 2 * leaf, active)
         second = dr.gather(mi.Vector4f, self._records, 2 * leaf + 1, active)
         channels = [second[k] for k in range(dr.size_v(mi.Spectrum))]
-        return mi.Vector3f(first.x, first.y, first.z), first.w, mi.Spectrum(*channels)
+        return mi.Vector3f(first.x, first.y, first.z), first.w, mi.Spectrum(*channels), second.w

@@ -23,7 +23,7 @@ from .indirect.image import Indirect, added, pilot_paths
 from .indirect.paths import Paths
 from .indirect.sharing import SharingLauncher
 from .indirect.tiles import TiledView
-from .indirect.whole import EACH, FEW_IN_THE_SUN, Whole, few, sunny, too_large
+from .indirect.whole import EACH, FEW_IN_THE_SUN, Whole, few, pilot_whole, too_large
 from .launches import Maker, of_part
 from .other_emitters import OtherEmitters
 from .sight import Sight
@@ -193,7 +193,10 @@ class PathStratified(Automatic):
         if not enclosed and (whole := self._whole(scene, sensor, spp, light)):
             own, many = memory.setdefault("whole", {}), spp * EACH
             view: View = View(whole, None, self._most(sensor, own, many))
-            return {"whole": TwoStages(view, view.first(many), many, opaque_seed(seed), dim, own, even=True)}
+            pilot = pilot_whole(spp)
+            if even := pilot == many:
+                pilot = view.first(many)
+            return {"whole": TwoStages(view, pilot, many, opaque_seed(seed), dim, own, even=even)}
         own = memory.setdefault("paths", {})
         if enclosed:
             view = TiledView(launcher, self._most(sensor, own, spp))
@@ -209,14 +212,14 @@ class PathStratified(Automatic):
         """For so few samples that all of the light is best estimated in one; None if it is not."""
         if spp > FEW_IN_THE_SUN or self.background != "map" or self.catcher or too_large(scene):
             return None
-        tables = self._bright.get(scene)
-        assert tables is not None
-        bright = AllocatedLight(tables, light.allocation)
+        found = self._bright.get(scene)
+        assert found is not None
+        bright = AllocatedLight(found, light.allocation)
         if spp > few(bright):
             return None
         # One for each kind of map, as this is compiled into kernels.
         make = partial(Launcher, Whole(self._paths, self.hide_emitters))
-        launcher = self._launcher("whole, in the sun" if sunny(bright) else "whole", scene, sensor, make)
+        launcher = self._launcher("whole, in the sun" if bright.tables.sunny else "whole", scene, sensor, make)
         launcher.begin(bright)
         *_, sight = launcher.seen
         return None if sight.straight else launcher

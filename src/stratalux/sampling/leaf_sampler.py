@@ -7,6 +7,7 @@ from functools import cached_property
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from ..images.colour import LUMINANCE
 from ..maps.envmap import EnvironmentMap
@@ -20,8 +21,11 @@ _MANY_REGIONS = 256
 """More regions than that share half as many leaves: 1,024 of them have 1.00 to 1.01 times the error (64: 1.01 to 1.06).
 """
 
-_EVEN = 1e-5
-"""A map that is this close to its mean has nothing that is brighter."""
+_SPARED, _SPARED_IN_THE_SUN = 0.25, 0.5
+"""Share of the mean of a map that is left to samples of the BSDF: usually, and under one sun, where a ray that goes to
+the sky is missing in the sun."""
+_SUN = 0.95
+"""Length of the mean direction of what is brighter than the mean, from which on that is one sun."""
 
 
 class LeafSampler:
@@ -76,21 +80,38 @@ class LeafSampler:
 
 
 class BrightLeafSampler(LeafSampler):
-    """The same with the density of what is brighter than the mean of the map, for who takes as many samples of the
-    BSDF: these find what is dim and large.
+    """The same with the density of what is brighter than a share of the mean of the map, for who takes as many samples
+    of the BSDF: these find what is dim and large.
 
     Source: Karlík, Šik, Vévoda, Skřivan and Křivánek 2019, "MIS Compensation: Optimizing Sampling Techniques in
-    Multiple Importance Sampling". As everywhere, a hundredth of the mean of what is left is added.
+    Multiple Importance Sampling", where it is the mean itself. As everywhere, a hundredth of the mean of what is left
+    is added.
     """
 
     def __init__(self, environment: EnvironmentMap) -> None:
-        mean = environment.energy_table.total / (4 * np.pi) * (1 + _EVEN)
-        bright = np.maximum(environment.texels @ LUMINANCE - np.float32(mean), 0)
+        luminance = environment.texels @ LUMINANCE
+        mean = environment.energy_table.total / (4 * np.pi)
+        self.sunny = _gathered(np.maximum(luminance - np.float32(mean), 0)) > _SUN
+        """Whether nearly all light beyond the mean comes from one direction."""
+        spared = mean * (_SPARED_IN_THE_SUN if self.sunny else _SPARED)
+        bright = np.maximum(luminance - np.float32(spared), 0)
         super().__init__(EnvironmentMap(np.broadcast_to(bright[..., None], environment.texels.shape)))
-        self.spared = dr.opaque(mi.Float, mean)
-        d = self.sample(dr.arange(mi.UInt32, self.count), mi.Point2f(0.5)).d
-        self.gathered = float(np.linalg.norm([dr.mean(x)[0] for x in d]))
-        """How much light of it comes from one side: 1 if all of it comes from one direction, 0 if from everywhere."""
+        self.spared = dr.opaque(mi.Float, spared)
+        self.mean = dr.opaque(mi.Float, mean)
+        """Luminance of the map as it is, over all directions."""
+
+    def arrays(self) -> tuple[mi.Float, ...]:
+        return *super().arrays(), self.mean
+
+
+def _gathered(luminance: NDArray[np.float32]) -> float:
+    """Length of the mean direction of such light (H, W): 1 if all of it comes from one, 0 if from everywhere."""
+    height, width = luminance.shape
+    θ, φ = np.pi * np.arange(height) / (height - 1), 2 * np.pi * (np.arange(width) + 0.5) / width
+    rows = luminance @ np.stack([np.ones(width), np.sin(φ), np.cos(φ)], axis=1).astype(np.float32)
+    total, x, z = np.sin(θ) @ (rows * np.stack([np.ones(height), np.sin(θ), np.sin(θ)], axis=1))
+    y = np.sin(θ) @ (rows[:, 0] * np.cos(θ))
+    return float(np.linalg.norm([x, y, z]) / total) if total > 0 else 0.0
 
 
 class RegionLeafSampler(LeafSampler):

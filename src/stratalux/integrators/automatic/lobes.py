@@ -79,6 +79,8 @@ class Allocation:
         self._any_glossy = any(not ROWS[row].matte for row in used)
         self.any_matte = any(ROWS[row].matte for row in used)
         spreads = _spreads(scene, light, rows) if self.any_bsdf_samples else [math.nan] * len(ROWS)
+        self.most_proposals = max(_proposals(ROWS[row], spreads[row]) for row in used)
+        """M of what has most of them."""
         shares = [
             (row, spread, detailed) for detailed in (False, True) for row, spread in zip(ROWS, spreads, strict=True)
         ]
@@ -90,7 +92,7 @@ class Allocation:
 
     def _share(self, row: Row, spread: float, detailed: bool) -> int:
         """What :meth:`of` tells, in one number."""
-        N, K, M = row.light, row.lobe, _power_of_two(spread / row.spread, row.most)
+        N, K, M = row.light, row.lobe, _proposals(row, spread)
         if self._any_glossy:
             N = min(N, DETAILED_LIGHT if detailed else BESIDE_GLOSS)
         if detailed and not row.matte and math.isfinite(spread):
@@ -147,6 +149,10 @@ def _spreads(scene: mi.Scene, light: MapLight[LeafSampler], rows: mi.UInt32) -> 
     return [
         float(value) for value in _means(spread(light, tested.bsdf(), N, K, sampler, tested), row, len(ROWS)).numpy()
     ]
+
+
+def _proposals(row: Row, spread: float) -> int:
+    return _power_of_two(spread / row.spread, row.most)
 
 
 def _power_of_two(ratio: float, most: int) -> int:

@@ -75,6 +75,7 @@ class Survivor:
     """One of the samples offered, kept with a probability in proportion to the luminance q of what it brings.
 
     ``d``: its direction. ``g``: what it stands for, Σ q · g / q: the paper's resampling, equation (5), in one pass.
+    What it brings may be negative; q is not.
     """
 
     DRJIT_STRUCT: ClassVar = {"d": mi.Vector3f, "ratio": mi.Spectrum, "total": mi.Float}
@@ -84,7 +85,7 @@ class Survivor:
 
     def offer(self, d: mi.Vector3f, g: mi.Spectrum, random: mi.UInt32) -> None:
         """Take ``g`` from direction ``d`` into account."""
-        q = target(g)
+        q = target(dr.abs(g))
         self.total += q
         keep = (q > 0) & (unit_float(random) * self.total < q)
         self.d = dr.select(keep, d, self.d)
@@ -235,7 +236,7 @@ class NestedStrata:
     ) -> tuple[mi.Vector3f, mi.Spectrum, mi.Spectrum]:
         """A direction of the world, L / (N M p) from there, and its part of f cos."""
         where = van_der_corput(point, self.points.seed)  # in units of 2⁻³² along the leaves
-        d, luminance, L_p = self.samples.draw(where >> (32 - light.tables.depth), where, si, active)
+        d, luminance, L_p, _ = self.samples.draw(where >> (32 - light.tables.depth), where, si, active)
         f = balance.light_part(si.to_local(d), luminance)
         return d, L_p / balance.n, f
 

@@ -202,13 +202,14 @@ class Paths:
             si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=going)
             first = scattered == 0
             seen |= first & si.is_valid()
-            L += β * light.found(x, si, pdf, delta, M, going & (~first | shown))
+            level = dr.select(scattered == 1, light.level, 0)
+            L += β * light.found(x, si, pdf, delta, M, going & (~first | shown), level)
             going &= si.is_valid() & (scattered < most)
 
             # ------------------------- Light that arrives here ------------------------
             points = PixelPoints(index, mix(seed + scattered * 0x9E3779B9))
             M, N = light.proposals(si.shape, si.bsdf(), going), light.rays(si.shape, si.bsdf(), first, going)
-            L += β * light.sampled(points, si, si.bsdf(), M, going, N)
+            L += β * light.sampled(points, si, si.bsdf(), M, going, N, dr.select(first, light.level, 0))
             M *= N
 
             # ------------------------------- The way on -------------------------------

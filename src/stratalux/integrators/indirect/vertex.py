@@ -33,7 +33,10 @@ class VertexLight:
 
         w(ω) = M p̃(ω) / (M p̃(ω) + p_b(ω)),    p̃(ω) = luminance(L(ω)) / ∫ luminance(L) dω,
 
-    where p̃ stands for p, as it does there, less what the tables leave to the samples of the BSDF. Other emitters, and
+    where p̃ stands for p, as it does there, less what the tables leave to the samples of the BSDF. A part of the map
+    that is alike from everywhere, a grey ``level`` c, can be theirs alone: samples of the map bring L − c then, and to
+    a sample of the BSDF that meets nothing, w c is added. As much as surfaces send, and it makes little difference
+    whether one is met. Other emitters, and
     environments that are no image, are sampled as Mitsuba's ``path`` does. ``light``: the map, None without one;
     ``samples`` of it.
     """
@@ -61,6 +64,11 @@ class VertexLight:
         """N, those to the map at a vertex there, which may be the ``first`` one of its path."""
         return mi.UInt32(1)
 
+    @property
+    def level(self) -> mi.Float:
+        """The grey part of the map that is left to the sample of the BSDF at the first vertex, where that is wanted."""
+        return mi.Float(0)
+
     def sampled(
         self,
         points: PixelPoints,
@@ -69,12 +77,14 @@ class VertexLight:
         M: mi.UInt32,
         active: mi.Bool,
         N: mi.UInt32 | None = None,
+        level: mi.Float | None = None,
     ) -> mi.Spectrum:
         """What samples of the lights bring to ``si``, M of them from the map, for each of N rays (one, unless told)."""
         active = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
         L_o = mi.Spectrum(0)
         if self._light is not None:
-            L_o += self._of_map(points, si, bsdf, M, mi.UInt32(1) if N is None else N, active)
+            N, level = mi.UInt32(1) if N is None else N, mi.Float(0) if level is None else level
+            L_o += self._of_map(points, si, bsdf, M, N, level, active)
         if self._others.lights:
             L_o += self._others.emitter_sampling(self._scene, points, si, bsdf, active)
         return L_o
@@ -87,6 +97,7 @@ class VertexLight:
         bsdf: mi.BSDFPtr,
         M: mi.UInt32,
         N: mi.UInt32,
+        level: mi.Float,
         active: mi.Bool,
     ) -> mi.Spectrum:
         light, samples, ctx = self._light, self._samples, mi.BSDFContext()
@@ -102,10 +113,11 @@ class VertexLight:
             while active & (j < M):
                 point = first + j * N + k
                 where = van_der_corput(point, mix(seed))  # in units of 2⁻³² along the leaves
-                d, luminance, L_p = samples.draw(where >> (32 - light.tables.depth), where, si, active)
+                d, luminance, L_p, inverse = samples.draw(where >> (32 - light.tables.depth), where, si, active)
                 f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
                 p = self._density(luminance, N * M)
-                kept.offer(d, L_p * f * (dr.select(pdf > 0, p / (p + pdf), 1) * share), mix(seed ^ ~point))
+                g = (L_p - level * inverse) * f * (dr.select(pdf > 0, p / (p + pdf), 1) * share)
+                kept.offer(d, g, mix(seed ^ ~point))
                 j += 1
             L_o += arriving(self._obstacles, si, kept.d, kept.g, active & dr.any(kept.g != 0))
             k += 1
@@ -119,6 +131,7 @@ class VertexLight:
         delta: mi.Bool,
         M: mi.UInt32,
         active: mi.Bool,
+        level: mi.Float | None = None,
     ) -> mi.Spectrum:
         """Weighted radiance of what a sample of the BSDF at ``before`` has ``hit``; of that ``pdf``, or ``delta``.
 
@@ -130,7 +143,10 @@ class VertexLight:
         if light is not None:
             bare = active & ~hit.is_valid() & ~delta
             value = looked_up(lambda lanes: light.emitter.eval(hit, lanes), bare)
-            L += dr.select(bare, value * (pdf / dr.maximum(pdf + self._density(target(value), M), LEAST)), 0)
+            of_bsdf = pdf / dr.maximum(pdf + self._density(target(value), M), LEAST)
+            L += dr.select(bare, value * of_bsdf, 0)
+            if level is not None:
+                L += dr.select(bare, level * (1 - of_bsdf), 0)
         return L
 
     def _density(self, luminance: mi.Float, M: mi.UInt32) -> mi.Float:

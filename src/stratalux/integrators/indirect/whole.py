@@ -15,21 +15,25 @@ from ..light_samples import FreshLight
 from ..other_emitters import OtherEmitters
 from ..sight import Sight
 from .paths import Paths
-from .vertex import VertexLight
+from .vertex import DETAIL, VertexLight
 
-FEW, FEW_MATTE = 8, 2
-"""Samples per pixel, at most, that are better spent so, and where all that is there is matte: camera samples are what
-counts then, and a pilot and a plan take as long as what they save."""
-FEW_IN_THE_SUN = 32
-"""The same where nearly all light beyond the mean comes from one direction: there, more rays to it bring nothing."""
-_SUN = 0.95
+FEW, FEW_MATTE, FEW_DETAILED, FEW_IN_THE_SUN = 16, 4, 4, 128
+"""Samples per pixel, at most, that are better spent so: usually, where all that is there is matte, where the map has so
+much detail inside of lobes that direct light takes :data:`~.vertex.DETAIL` proposals for each ray, and where nearly all
+light beyond the mean comes from one direction, as more rays bring nothing there."""
 EACH = 4
 """Camera samples in the place of each of those asked for: they cost so much less."""
 LARGEST_MAP = 1 << 25
 """Texels of a map, at most, of which a second table is made."""
 _LESS, _PROPOSALS = 4, 4
 """Rays to the map at the first surface are so many times fewer than those of direct light alone; and samples of the map
-for each ray. In the sun, both are one."""
+for each ray."""
+_RAYS_IN_THE_SUN, _PROPOSALS_IN_THE_SUN = 3, 1
+"""The same under one sun: as many rays at most."""
+_LEVEL = 0.35
+"""Of the map's mean: what other surfaces send, about."""
+PLANNED = 8
+"""Samples per pixel from which on a pilot, of a quarter of them, tells where the others go."""
 
 
 class Whole:
@@ -65,9 +69,16 @@ class Whole:
 
 def few(light: AllocatedLight[BrightLeafSampler]) -> int:
     """Samples per pixel, at most, that are better spent so under this map, on what there is."""
-    if sunny(light):
+    if light.tables.sunny:
         return FEW_IN_THE_SUN
-    return FEW if light.allocation.any_bsdf_samples else FEW_MATTE
+    if not light.allocation.any_bsdf_samples:
+        return FEW_MATTE
+    return FEW_DETAILED if light.allocation.most_proposals >= DETAIL else FEW
+
+
+def pilot_whole(spp: int) -> int:
+    """Camera samples of a pilot for ``spp`` of those asked for, a power of two; all, where nothing is planned."""
+    return 1 << spp.bit_length() - 1 if spp >= PLANNED else spp * EACH
 
 
 def too_large(scene: mi.Scene) -> bool:
@@ -76,19 +87,22 @@ def too_large(scene: mi.Scene) -> bool:
     return bool(height * width > LARGEST_MAP)
 
 
-def sunny(light: AllocatedLight[BrightLeafSampler]) -> bool:
-    """Whether nearly all light beyond the mean of the map comes from one direction."""
-    return light.tables.gathered > _SUN
-
-
 class _FewRays(VertexLight):
     def proposals(self, shape: mi.ShapePtr, bsdf: mi.BSDFPtr, active: mi.Bool) -> mi.UInt32:
-        assert self._light is not None
-        return dr.opaque(mi.UInt32, 1 if sunny(self._light) else _PROPOSALS)
+        return dr.opaque(mi.UInt32, _PROPOSALS_IN_THE_SUN if self._bright.tables.sunny else _PROPOSALS)
 
     def rays(self, shape: mi.ShapePtr, bsdf: mi.BSDFPtr, first: mi.Bool, active: mi.Bool) -> mi.UInt32:
+        N, *_ = self._bright.allocation.of(shape, bsdf, mi.UInt32(0), active)
+        N = dr.maximum(N // _LESS, 1)
+        if self._bright.tables.sunny:
+            N = dr.minimum(N, _RAYS_IN_THE_SUN)
+        return mi.UInt32(dr.select(first, N, 1))
+
+    @property
+    def level(self) -> mi.Float:
+        return _LEVEL * self._bright.tables.mean * self._bright.scale
+
+    @property
+    def _bright(self) -> AllocatedLight[BrightLeafSampler]:
         assert self._light is not None
-        if sunny(self._light):
-            return mi.UInt32(1)
-        N, *_ = self._light.allocation.of(shape, bsdf, mi.UInt32(0), active)
-        return mi.UInt32(dr.select(first, dr.maximum(N // _LESS, 1), 1))
+        return self._light
