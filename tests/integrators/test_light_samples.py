@@ -42,7 +42,7 @@ def test_samples_are_in_their_leaves_and_bring_light_over_density() -> None:
     scene = mi.load_dict(scene_dict())
     light = mi.load_dict({"type": "direct_stratified"}).prepare(scene)
     leaf, si = dr.arange(mi.UInt32, light.tables.count), dr.zeros(mi.SurfaceInteraction3f)
-    d, luminance, L_p = FreshLight(light, mi.UInt32(3)).draw(leaf, leaf, si, mi.Bool(True))
+    d, luminance, L_p, inverse = FreshLight(light, mi.UInt32(3)).draw(leaf, leaf, si, mi.Bool(True))
     x = light.tables.sample(leaf, mi.Point2f(0.5))
     box = light.tables._leaves.numpy().reshape(-1, 4).T.astype(np.float64)
     u, v = map_coordinates(light.from_world(d).numpy().T.astype(np.float64))
@@ -57,6 +57,7 @@ def test_samples_are_in_their_leaves_and_bring_light_over_density() -> None:
     sin = [np.hypot(w.numpy()[0], w.numpy()[2]) for w in (light.from_world(d), x.d)]
     pdf = x.pdf.numpy() * sin[1] / sin[0]
     np.testing.assert_allclose(L_p.numpy() * pdf, L, rtol=2e-2, atol=1e-3)
+    np.testing.assert_allclose(inverse.numpy() * pdf, 1, rtol=2e-2)
 
 
 def test_a_launch_has_one_seed_that_follows_the_sampler() -> None:

@@ -13,13 +13,16 @@ from tests.statistics.test_path import EVEN, MORE, SCENES, SLOW, furnace, glass,
 from tests.variants import MONO
 
 RUNS = 32
+SPOTS = (
+    np.where(np.random.default_rng(4).random((64, 128, 1)) < 0.005, 100.0, 0.01).repeat(3, axis=2).astype(np.float32)
+)
+"""What a polished metal shows many of."""
 
 
 @pytest.fixture(autouse=True)
 def _always(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stratalux.integrators.indirect.whole.FEW", 1 << 30)
-    monkeypatch.setattr("stratalux.integrators.indirect.whole.FEW_MATTE", 1 << 30)
-    monkeypatch.setattr("stratalux.integrators.indirect.whole.FEW_IN_THE_SUN", 1 << 30)
+    for name in ("FEW", "FEW_MATTE", "FEW_DETAILED", "FEW_IN_THE_SUN"):
+        monkeypatch.setattr(f"stratalux.integrators.indirect.whole.{name}", 1 << 30)
     monkeypatch.setattr("stratalux.integrators.path_stratified.FEW_IN_THE_SUN", 1 << 30)
     monkeypatch.setattr("stratalux.integrators.indirect.sharing.ENCLOSED", 2)
 
@@ -27,6 +30,13 @@ def _always(monkeypatch: pytest.MonkeyPatch) -> None:
 def render(name: str, spp: int, **properties: Any) -> Any:
     """A quarter of the samples, as each stands for four."""
     return runs(mi.load_dict(SCENES[name]()), {"type": "path_stratified", **properties}, spp // 4, RUNS, 0)
+
+
+def black() -> dict[str, Any]:
+    """Light from one side alone."""
+    texels = EVEN.copy()
+    texels[:, : texels.shape[1] // 2] = 0
+    return scene_dict("roughplastic", texels)
 
 
 CASES = [
@@ -59,6 +69,15 @@ def test_paths_that_end_at_random() -> None:
     assert_same_mean(
         render("diffuse", 128, **properties), reference(mi.variant(), "diffuse", tuple(properties.items()))
     )
+
+
+@pytest.mark.parametrize("name", ["roughplastic", "sun", "black"])
+def test_nothing_is_planned(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half of the last map is black: there, samples of it bring nothing but what is left to those of the BSDF."""
+    monkeypatch.setattr("stratalux.integrators.indirect.whole.PLANNED", 1 << 30)
+    monkeypatch.setattr("stratalux.integrators.indirect.whole._LEVEL", 4.0)
+    SCENES.setdefault("black", black)
+    assert_same_mean(render(name, 256, max_depth=4), reference(mi.variant(), name, (("max_depth", 4),)))
 
 
 def test_in_several_launches(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,8 +120,13 @@ def test_what_is_behind(hidden: bool) -> None:
 
 @pytest.mark.parametrize(
     ("texels", "material", "expected"),
-    [(sun_map(), "diffuse", "FEW_IN_THE_SUN"), (None, "roughplastic", "FEW"), (EVEN, "diffuse", "FEW_MATTE")],
-    ids=["sun", "gloss", "matte"],
+    [
+        (sun_map(), "diffuse", "FEW_IN_THE_SUN"),
+        (None, "roughplastic", "FEW"),
+        (EVEN, "diffuse", "FEW_MATTE"),
+        (SPOTS, "roughconductor", "FEW_DETAILED"),
+    ],
+    ids=["sun", "gloss", "matte", "detail"],
 )
 def test_how_few_they_are(texels: Any, material: str, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
     from stratalux.integrators.automatic.sample import AllocatedLight  # of the active variant

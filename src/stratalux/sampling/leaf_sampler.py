@@ -24,6 +24,8 @@ _MANY_REGIONS = 256
 _SPARED, _SPARED_IN_THE_SUN = 0.25, 0.5
 """Share of the mean of a map that is left to samples of the BSDF: usually, and under one sun, where a ray that goes to
 the sky is missing in the sun."""
+_EVEN = 1e-5
+"""A map that is this close to its mean has nothing that is brighter."""
 _SUN = 0.95
 """Length of the mean direction of what is brighter than the mean, from which on that is one sun."""
 
@@ -93,7 +95,9 @@ class BrightLeafSampler(LeafSampler):
         mean = environment.energy_table.total / (4 * np.pi)
         self.sunny = _gathered(np.maximum(luminance - np.float32(mean), 0)) > _SUN
         """Whether nearly all light beyond the mean comes from one direction."""
-        spared = mean * (_SPARED_IN_THE_SUN if self.sunny else _SPARED)
+        share = _SPARED_IN_THE_SUN if self.sunny else _SPARED
+        # One that is nowhere brighter than its mean is left to them altogether: they find it without noise.
+        spared = mean * (share if luminance.max() > mean * (1 + _EVEN) else 1 + _EVEN)
         bright = np.maximum(luminance - np.float32(spared), 0)
         super().__init__(EnvironmentMap(np.broadcast_to(bright[..., None], environment.texels.shape)))
         self.spared = dr.opaque(mi.Float, spared)

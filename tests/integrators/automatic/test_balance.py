@@ -46,7 +46,7 @@ def test_parts_add_up(name: str, rays: tuple[int, int, int] | None) -> None:
 
     smooth, glossy = only(mi.BSDFFlags.Smooth), only(mi.BSDFFlags.Glossy)
     leaf = mi.UInt32(sampler.next_1d() * light.tables.count)
-    of_light, _, _ = FreshLight(light, mi.UInt32(1)).draw(leaf, leaf, si, mi.Bool(True))
+    of_light, *_ = FreshLight(light, mi.UInt32(1)).draw(leaf, leaf, si, mi.Bool(True))
     bs, _, found = draw(bsdf, glossy, si, sampler.next_1d(), sampler.next_2d())
     assert found.numpy().any() == (name != "diffuse")
     for d in (of_light, dr.select(found, si.to_world(bs.wo), of_light)):

@@ -81,3 +81,14 @@ def test_the_same_seed_gives_the_same_bits() -> None:
     ]
     np.testing.assert_array_equal(*images)
     assert images[0].mean() > 1.5
+
+
+@pytest.mark.parametrize("description", [box(WHITE), scene_dict("roughplastic")], ids=["room", "open"])
+def test_whatever_is_launched_is_recorded(description: dict[str, Any]) -> None:
+    """Where Dr.Jit does not record something, it is traced anew for every launch, which takes as long as small ones."""
+    scene = mi.load_dict(description)
+    integrator = mi.load_dict({"type": "path_stratified", "max_depth": 4})
+    for spp in (2, 64):
+        mi.render(scene, integrator=integrator, spp=spp)
+    functions = [pair for launcher in integrator._launchers.values() for pair in launcher._recorded.items()]
+    assert len(functions) > 8 and all(function != replayed for function, replayed in functions)

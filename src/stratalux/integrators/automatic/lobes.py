@@ -79,7 +79,7 @@ class Allocation:
         self._any_glossy = any(not ROWS[row].matte for row in used)
         self.any_matte = any(ROWS[row].matte for row in used)
         spreads = _spreads(scene, light, rows) if self.any_bsdf_samples else [math.nan] * len(ROWS)
-        self.most_proposals = max(_proposals(ROWS[row], spreads[row]) for row in used)
+        self.most_proposals = max((_proposals(ROWS[row], spreads[row]) for row in used), default=1)
         """M of what has most of them."""
         shares = [
             (row, spread, detailed) for detailed in (False, True) for row, spread in zip(ROWS, spreads, strict=True)

@@ -85,6 +85,9 @@ class SharingLauncher(PathLauncher):
             L += _collected(*launch.group, found, pairs)
         return L * importance, mi.Spectrum(0), mi.Bool(False), place
 
+    def _state(self, *_: Any) -> Any:
+        return super()._state(), self._matte
+
     def _test(
         self,
         scene: mi.Scene,
