@@ -5,13 +5,14 @@ from __future__ import annotations
 import importlib.util
 import os
 import time
+import weakref
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import drjit as dr
 import mitsuba as mi
@@ -43,6 +44,9 @@ from .settings import (
 )
 from .steps import Step
 from .variants import choose_variant, why_not
+
+if TYPE_CHECKING:
+    from .cluster.client import Processes
 
 
 @dataclass
@@ -215,9 +219,18 @@ def render_passes(
         loaded = Loaded(scene, _described(scene), own_camera(picture.camera, scene))
         return _render_passes(loaded, (), picture, integrator, resume)
     picture = replace(picture, machine=activate(picture.machine))
-    with sources() as files:
-        loaded = load(shown, picture.camera, picture.machine.max_memory)
-    return _render_passes(loaded, files, picture, integrator, resume)
+    processes = _processes(picture) if integrator is None else None
+    try:
+        with sources() as files:
+            loaded = load(shown, picture.camera, picture.machine.max_memory)
+        passes = _render_passes(loaded, files, picture, integrator, resume, processes)
+    except BaseException:
+        if processes is not None:
+            processes.close()
+        raise
+    if processes is not None:
+        weakref.finalize(passes, processes.close)  # whether anybody asks for the first one or not
+    return passes
 
 
 def _described(scene: Any) -> dict[str, Any] | None:
@@ -244,6 +257,7 @@ def _render_passes(
     picture: PictureSettings,
     integrator: mi.Integrator | None,
     resume: Checkpoint | None,
+    processes: Processes | None = None,
 ) -> Iterator[RenderResult]:
     made = ready(loaded, picture, integrator)
     scene, camera, picture, sampling = loaded.scene, made.camera, made.picture, made.picture.sampling
@@ -259,7 +273,7 @@ def _render_passes(
         memory = resume.memory
     shows = cache(partial(object_pixels, scene, camera)) if loaded.measure else None
     light = None if shows is None else cache(partial(_light, scene, camera, shows))
-    with _maker(files, picture, identity) as (make, workers):
+    with _maker(files, picture, identity, processes) as (make, workers):
         for (total, done, noise), elapsed, compile_time in _timed(made.steps.all(memory, make)):
             compiling += compile_time
             seconds += elapsed - compile_time
@@ -306,9 +320,24 @@ def _timed(passes: Iterator[Step]) -> Iterator[tuple[Step, float, float]]:
         yield step, elapsed, compiling
 
 
+def _processes(picture: PictureSettings) -> Processes | None:
+    """Those of ``local:N``, which start while the scene is loaded here."""
+    where = picture.machine.cluster
+    if where is None or not where.startswith("local:") or importlib.util.find_spec("distributed") is None:
+        return None
+    if picture.scene is None or not isinstance(picture.scene.environment, (str, type(None))):
+        return None
+    from .cluster.client import Processes
+
+    return Processes(where, str(picture.machine.variant), picture.to_text())
+
+
 @contextmanager
 def _maker(
-    files: Iterable[Path], picture: PictureSettings, identity: Callable[[], dict[str, Any]] | None
+    files: Iterable[Path],
+    picture: PictureSettings,
+    identity: Callable[[], dict[str, Any]] | None,
+    processes: Processes | None = None,
 ) -> Iterator[tuple[Maker, str]]:
     """Who makes the launches of a picture, and who that is in words, if it is a cluster."""
     where = picture.machine.cluster
@@ -323,7 +352,7 @@ def _maker(
     from .cluster.job import Job
 
     job = Job.of(picture, files, identity())
-    with cluster(where, mi.variant()) as workers:
+    with cluster(where, mi.variant(), processes) as workers:
         yield workers.maker(job), str(workers)
 
 
