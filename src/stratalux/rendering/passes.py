@@ -34,6 +34,7 @@ from ..scenes.sources import sources
 from ..scenes.surroundings import object_pixels
 from ..settings import documented
 from .checkpoint import Checkpoint, identity_of
+from .cluster import check_packages
 from .ready import ready
 from .settings import (
     GROUPS,
@@ -346,8 +347,7 @@ def _maker(
         return
     if identity is None:
         raise InputError("cluster: an integrator of a program's own is not there; leave one of them out")
-    if importlib.util.find_spec("distributed") is None:
-        raise InputError("cluster: rendering on many machines needs more packages: pip install 'stratalux[cluster]'")
+    check_packages()
     from .cluster.client import cluster
     from .cluster.job import Job
 

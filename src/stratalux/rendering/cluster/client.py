@@ -52,8 +52,8 @@ _SETTINGS = {
     "distributed.worker.memory.monitor-interval": "500ms",
     "distributed.worker.profile.enabled": False,
 }
-"""Of Dask, here and in processes of this machine. As it is, it looks after each process fifty times a second, which takes
-3 to 4 % of a processor for each."""
+"""Of Dask, here and in processes of this machine. As it is, it looks after each process fifty times a second, which
+takes 3 to 4 % of a processor for each."""
 
 
 @contextmanager
