@@ -2,19 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+_PILOT, _LATER = "/pilot", "/later"
+"""How the names of kinds end, where there are two of a part of the picture."""
+_DEARER = 1.25
+"""A later sample of a pixel takes so many times as long as one of the pilot, until it is measured: they are where there
+is more to be seen."""
+_DOUBT = 1 / 16
+"""Of all samples of a kind: what is known before weighs as much as so many. The first launches are small, and each has
+something to do besides."""
+
 
 class TimeLeft:
-    """Follows from how long the later half of what is done has taken, without compilation: what comes first is made in
-    smaller launches, and of other kinds."""
+    """Follows from how long each kind of launches has taken, without compilation: the later half of what is done, as
+    what comes first is made in smaller launches."""
 
     def __init__(self) -> None:
-        self._seen = [(0.0, 0.0)]
+        self._before = 0.0
+        self._seen: dict[str, list[tuple[float, float]]] = {}
 
-    def after(self, share: float, seconds: float) -> float | None:
-        """Seconds, when this share of the whole is done and that has taken so many; None if nobody knows."""
-        self._seen.append((share, seconds))
-        before, then = max(one for one in self._seen if one[0] <= share / 2)
-        return (seconds - then) / (share - before) * (1 - share) if share > before else None
+    def after(self, work: Mapping[str, tuple[float, float]], seconds: float) -> float | None:
+        """Seconds, when all has taken so many; None if nobody knows. ``work``: what is done of each kind, and of how
+        much, see :attr:`~..rendering.passes.RenderResult.work`."""
+        took, self._before = seconds - self._before, seconds
+        begun = {kind: self._seen.setdefault(kind, [(0.0, 0.0)])[-1] for kind in work}
+        more = {kind: max(0.0, done - begun[kind][0]) for kind, (done, _) in work.items()}
+        for kind, (done, _) in work.items():
+            if more[kind]:  # of several kinds at once, nobody knows which one has taken how much of the time
+                self._seen[kind].append((done, begun[kind][1] + took * more[kind] / sum(more.values())))
+        left, known = 0.0, False
+        for kind, (done, whole) in work.items():
+            speed = self._seconds_each(kind, whole)
+            known |= speed is not None
+            left += (speed or 0.0) * max(0.0, whole - done)
+        return left if known else None
+
+    def _seconds_each(self, kind: str, whole: float) -> float | None:
+        """Of a kind, of which there are so many in the whole."""
+        seen = self._seen[kind]
+        done, seconds = seen[-1]
+        before, then = max(one for one in seen if one[0] <= done / 2)
+        done, seconds = done - before, seconds - then
+        if kind.endswith(_LATER) and (expected := self._seconds_each(kind.removesuffix(_LATER) + _PILOT, whole)):
+            doubt = _DOUBT * whole
+            return (_DEARER * expected * doubt + seconds) / (doubt + done) if doubt + done else None
+        return seconds / done if done else None
 
 
 def said(seconds: float | None) -> str:

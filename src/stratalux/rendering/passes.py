@@ -6,9 +6,9 @@ import importlib.util
 import os
 import time
 import weakref
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
@@ -62,6 +62,7 @@ class RenderResult:
     :func:`~..scenes.metering.incident_light`; of a scene, nothing. ``float32``: whether the scene's film asks for
     numbers of 32 bits in files. ``variant``: of Mitsuba. ``earlier_seconds``: that it took before it went on from a
     checkpoint. ``noise``: see :meth:`~..integrators.sums.Sums.noise`.
+    ``kinds``: see :attr:`~.steps.Steps.work`.
     ``checkpoint``: what goes on from here, see :class:`~.checkpoint.Checkpoint`; there is none with an integrator of a
     program's own. ``workers``: those of a cluster, in words, and where they are watched.
     """
@@ -85,6 +86,7 @@ class RenderResult:
     variant: str = ""
     checkpoint: Callable[[], Checkpoint] | None = None
     workers: str = ""
+    kinds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @cached_property
     def error(self) -> float | None:
@@ -124,6 +126,12 @@ class RenderResult:
     def share(self) -> float:
         """Of all that was asked for, as far as it is known, from 0 to 1."""
         return min(1.0, max(self.spp / self.spp_total, *self._shares, 0.0))
+
+    @property
+    def work(self) -> Mapping[str, tuple[float, float]]:
+        """How much is done, and of how much, of each kind of samples by name; of a picture that ends by its time or its
+        error, of the whole."""
+        return self.kinds if self.kinds and not self._shares else {"": (self.share, 1.0)}
 
     @property
     def total_seconds(self) -> float:
@@ -297,6 +305,7 @@ def _render_passes(
                 variant=mi.variant(),
                 earlier_seconds=0.0 if resume is None else resume.seconds,
                 workers=workers,
+                kinds=made.steps.work,
             )
             if identity is not None:
                 result.checkpoint = partial(_checkpoint, identity, memory, result.total_seconds)
