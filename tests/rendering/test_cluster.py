@@ -149,6 +149,45 @@ def test_files_go_by_their_content(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert (shown.source, shown.environment, shown.background) == tuple(paths[name] for name in names.values())
 
 
+def test_a_scene_is_loaded_ahead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once, for the picture that processes have started for, by whatever name its files are called; not for another."""
+    from stratalux.rendering.cluster import worker
+    from stratalux.rendering.cluster.job import Job
+
+    model(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    picture = PictureSettings.of("model.glb", environment="map.exr", size=(6, 4), variant=RGB)
+    job = Job.of(picture, [tmp_path / "model.glb", tmp_path / "map.exr"], {"map": "", "scene": "", "versions": {}})
+    asked = job.settings({file.path: file.path for file in job.files})
+    worker._load_ahead(picture.to_text())
+    assert worker._ahead is not None
+    ahead = worker._ahead[1]
+    assert worker._scene(asked) is ahead and worker._scene(asked) is not ahead
+    worker._load_ahead(picture.to_text())
+    assert worker._scene(dataclasses.replace(asked, camera=dataclasses.replace(asked.camera, size=(4, 4)))) is not ahead
+    assert worker._ahead is None
+
+
+def test_processes_end_with_their_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether its scene cannot be loaded, or nobody asks for its first pass."""
+    closed: list[str] = []
+
+    class Processes:
+        def __init__(self, where: str, *_: str) -> None:
+            self._where = where
+
+        def close(self) -> None:
+            closed.append(self._where)
+
+    monkeypatch.setattr("stratalux.rendering.cluster.client.Processes", Processes)
+    with pytest.raises(InputError, match="none\\.exr"):
+        stratalux.render("demo", environment="none.exr", size=(6, 4), cluster="local:1")
+    passes = stratalux.render_passes("demo", size=(6, 4), spp=1, cluster="local:2")
+    assert closed == ["local:1"]
+    del passes
+    assert closed == ["local:1", "local:2"]
+
+
 def test_what_only_a_program_has_is_refused() -> None:
     scene = mi.load_dict(scene_dict())
     with pytest.raises(InputError, match="cluster: the scene was loaded by a program; give its file"):

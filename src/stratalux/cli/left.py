@@ -6,11 +6,8 @@ from collections.abc import Mapping
 
 _PILOT, _LATER = "/pilot", "/later"
 """How the names of kinds end, where there are two of a part of the picture."""
-_DEARER = 1.25
-"""A later sample of a pixel takes so many times as long as one of the pilot, until it is measured: they are where there
-is more to be seen."""
 _DOUBT = 1 / 16
-"""Of all samples of a kind: what is known before weighs as much as so many. The first launches are small, and each has
+"""Of a later kind: the speed of its pilot weighs as much as so many of it. Its first launches are small, and each has
 something to do besides."""
 
 
@@ -46,7 +43,7 @@ class TimeLeft:
         done, seconds = done - before, seconds - then
         if kind.endswith(_LATER) and (expected := self._seconds_each(kind.removesuffix(_LATER) + _PILOT, whole)):
             doubt = _DOUBT * whole
-            return (_DEARER * expected * doubt + seconds) / (doubt + done) if doubt + done else None
+            return (expected * doubt + seconds) / (doubt + done) if doubt + done else None
         return seconds / done if done else None
 
 

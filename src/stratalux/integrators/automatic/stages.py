@@ -16,6 +16,9 @@ from .view import PLENTY, Pilot, Range, View, combined
 
 PARTS = 4
 """Of a pilot, whose differences tell its error."""
+_DEARER = 1.3
+"""A later sample counts for so many of the pilot, as they are where there is more to be seen; a pilot that learns
+something takes as long. That only tells what to expect of them, until it is measured."""
 _KNOWN = "counts", "level", "share", "learned"
 """What of its memory the second stage depends on."""
 
@@ -55,12 +58,17 @@ class TwoStages:
 
     @property
     def work(self) -> dict[str, tuple[float, float]]:
-        """Samples of a pixel that are done, and all there will be, by kinds that take unlike times: later ones are
-        where the error is."""
+        """Samples of a pixel that are done, and all there will be, by kinds that take unlike times."""
         few, spp = float(self._few), float(self.spp)
+        if "counts" in self._memory:  # planned, they are a few less
+            spp = float(self._memory["counts"].mean())
         if self._even or few == spp:
             return {"": (self._done, spp)}
-        return {"/pilot": (min(self._done, few), few), "/later": (max(self._done - few, 0.0), spp - few)}
+        dearer = 1.0 if self._varied else _DEARER
+        return {
+            "/pilot": (min(self._done, few), few),
+            "/later": (max(self._done - few, 0.0) * dearer, (spp - few) * dearer),
+        }
 
     def passes(self, make: Maker) -> Iterator[tuple[Pixels, float, Noise]]:
         """The image so far, with the film's channels and weights, its samples per pixel and its noise."""
