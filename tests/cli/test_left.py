@@ -59,7 +59,8 @@ def test_a_kind_that_nobody_has_seen_takes_as_long_as_its_pilot() -> None:
     """And the first small launch of it has little weight."""
     left = TimeLeft()
     assert left.after({"a/pilot": (10, 10), "a/later": (0, 160)}, 20) == pytest.approx(2 * 160)
-    assert left.after({"a/pilot": (10, 10), "a/later": (10, 160)}, 60) == pytest.approx((20 + 40) / 20 * 150)
+    each = (0.25 * 10 * 20 + 2 * 10) / (0.25 * 10**2 + 2**2)
+    assert left.after({"a/pilot": (10, 10), "a/later": (2, 160)}, 30) == pytest.approx(each * 158)
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(None, "-:--:--"), (0.4, "0:00:00"), (3599.6, "1:00:00")])

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 _PILOT, _LATER = "/pilot", "/later"
 """How the names of kinds end, where there are two of a part of the picture."""
-_DOUBT = 1 / 16
-"""Of a later kind: the speed of its pilot weighs as much as so many of it. Its first launches are small, and each has
-something to do besides."""
+_BEFORE = 0.25
+"""Weight of what a pilot has shown, where launches of the later kind have shown something."""
 
 
 class TimeLeft:
-    """Follows from how long each kind of launches has taken, without compilation: the later half of what is done, as
-    what comes first is made in smaller launches."""
+    """Follows from how long each kind of launches has taken, without compilation: the later half of what is done.
+
+    Seconds are proportional to samples, by least squares: so small launches, which come first and have other things to
+    do besides, weigh little, as most of what is to come is made in large ones."""
 
     def __init__(self) -> None:
         self._before = 0.0
@@ -30,21 +32,21 @@ class TimeLeft:
                 self._seen[kind].append((done, begun[kind][1] + took * more[kind] / sum(more.values())))
         left, known = 0.0, False
         for kind, (done, whole) in work.items():
-            speed = self._seconds_each(kind, whole)
-            known |= speed is not None
-            left += (speed or 0.0) * max(0.0, whole - done)
+            seconds_by, squares = self._shown(kind)
+            if kind.endswith(_LATER):
+                before = self._shown(kind.removesuffix(_LATER) + _PILOT)
+                seconds_by, squares = seconds_by + _BEFORE * before[0], squares + _BEFORE * before[1]
+            if squares:
+                known = True
+                left += seconds_by / squares * max(0.0, whole - done)
         return left if known else None
 
-    def _seconds_each(self, kind: str, whole: float) -> float | None:
-        """Of a kind, of which there are so many in the whole."""
-        seen = self._seen[kind]
-        done, seconds = seen[-1]
-        before, then = max(one for one in seen if one[0] <= done / 2)
-        done, seconds = done - before, seconds - then
-        if kind.endswith(_LATER) and (expected := self._seconds_each(kind.removesuffix(_LATER) + _PILOT, whole)):
-            doubt = _DOUBT * whole
-            return (expected * doubt + seconds) / (doubt + done) if doubt + done else None
-        return seconds / done if done else None
+    def _shown(self, kind: str) -> tuple[float, float]:
+        """Sums of what launches of a kind have done, times their seconds, and of its square."""
+        seen = self._seen.get(kind, [(0.0, 0.0)])
+        first = max(k for k, (done, _) in enumerate(seen) if done <= seen[-1][0] / 2)
+        launches = [(b - a, then - before) for (a, before), (b, then) in pairwise(seen[first:])]
+        return sum(done * seconds for done, seconds in launches), sum(done * done for done, _ in launches)
 
 
 def said(seconds: float | None) -> str:

@@ -16,7 +16,7 @@ from .view import PLENTY, Pilot, Range, View, combined
 
 PARTS = 4
 """Of a pilot, whose differences tell its error."""
-_DEARER = 1.3
+_DEARER = 1.15
 """A later sample counts for so many of the pilot, as they are where there is more to be seen; a pilot that learns
 something takes as long. That only tells what to expect of them, until it is measured."""
 _KNOWN = "counts", "level", "share", "learned"
