@@ -149,6 +149,45 @@ def test_files_go_by_their_content(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert (shown.source, shown.environment, shown.background) == tuple(paths[name] for name in names.values())
 
 
+def test_a_scene_is_loaded_ahead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once, for the picture that processes have started for, by whatever name its files are called; not for another."""
+    from stratalux.rendering.cluster import worker
+    from stratalux.rendering.cluster.job import Job
+
+    model(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    picture = PictureSettings.of("model.glb", environment="map.exr", size=(6, 4), variant=RGB)
+    job = Job.of(picture, [tmp_path / "model.glb", tmp_path / "map.exr"], {"map": "", "scene": "", "versions": {}})
+    asked = job.settings({file.path: file.path for file in job.files})
+    worker._load_ahead(picture.to_text())
+    assert worker._ahead is not None
+    ahead = worker._ahead[1]
+    assert worker._scene(asked) is ahead and worker._scene(asked) is not ahead
+    worker._load_ahead(picture.to_text())
+    assert worker._scene(dataclasses.replace(asked, camera=dataclasses.replace(asked.camera, size=(4, 4)))) is not ahead
+    assert worker._ahead is None
+
+
+def test_processes_end_with_their_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether its scene cannot be loaded, or nobody asks for its first pass."""
+    closed: list[str] = []
+
+    class Processes:
+        def __init__(self, where: str, *_: str) -> None:
+            self._where = where
+
+        def close(self) -> None:
+            closed.append(self._where)
+
+    monkeypatch.setattr("stratalux.rendering.cluster.client.Processes", Processes)
+    with pytest.raises(InputError, match="none\\.exr"):
+        stratalux.render("demo", environment="none.exr", size=(6, 4), cluster="local:1")
+    passes = stratalux.render_passes("demo", size=(6, 4), spp=1, cluster="local:2")
+    assert closed == ["local:1"]
+    del passes
+    assert closed == ["local:1", "local:2"]
+
+
 def test_what_only_a_program_has_is_refused() -> None:
     scene = mi.load_dict(scene_dict())
     with pytest.raises(InputError, match="cluster: the scene was loaded by a program; give its file"):
@@ -209,13 +248,49 @@ def test_cases_of_the_benchmark_on_workers(scheduler: str, tmp_path: Path, monke
         run_suite(suite, dataclasses.replace(asked, folder=str(tmp_path / "other")), machine)
 
 
+def test_a_comparison_on_workers(scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is rendered depends neither on the machine nor on the order of the parts; another kind is refused."""
+    asked = {"entries": ["stratified:proposals=2", "direct"], "size": (24, 16), "rays": (4, 8), "spp": 2, "repeats": 2}
+    asked |= {**model(tmp_path), "background": "map", "reference_spp": 32, "variant": RGB}
+    here = stratalux.compare(**asked, cache=tmp_path / "here")
+    told: list[str] = []
+
+    def tell(share: float, what: str) -> None:
+        told.append(what)
+
+    there = stratalux.compare(**asked, cache=tmp_path / "there", cluster=scheduler, progress=tell)
+    assert told[-1] == "6 of 6 parts"  # two numbers of rays, four parts of the reference
+    assert (there.reference.spp, there.reference.key) == (here.reference.spp, here.reference.key)
+    np.testing.assert_allclose(there.reference.image, here.reference.image, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(there.reference.standard_error, here.reference.standard_error, rtol=1e-3, atol=1e-6)
+    assert len(there.equal_time) == len(there.equal_rays) == 4
+    for one, other in zip(here.equal_rays, there.equal_rays, strict=True):
+        assert (one.stem, one.spp, one.integrator) == (other.stem, other.spp, other.integrator)
+        np.testing.assert_allclose(one.image, other.image, rtol=1e-4, atol=1e-6)
+        assert one.errors["image"].rmse.values == pytest.approx(other.errors["image"].rmse.values, rel=1e-4)
+        assert len(other.seconds.values) == 2 and other.seconds.minimum > 0
+    monkeypatch.setattr("stratalux.comparison.parts.machine", lambda **_: "another")
+    with pytest.raises(InputError, match="cluster: a worker is another machine"):
+        stratalux.compare(**asked, cache=tmp_path / "there", cluster=scheduler)
+    monkeypatch.undo()
+    monkeypatch.setattr("stratalux.comparison.compare.reference_key", lambda *_: "another")
+    with pytest.raises(InputError, match="cluster: the worker on .* has another scene, map or version"):
+        stratalux.compare(**asked, cache=tmp_path / "there", cluster=scheduler)
+
+
 def test_what_is_timed_shares_no_machine() -> None:
     from stratalux.rendering.cluster.parts import timed
 
     with pytest.raises(InputError, match="cluster: times are taken, and the processes of local:2 would share"):
         list(timed("local:2", RGB, len, ["part"]))
-    with pytest.raises(InputError, match="cluster: a comparison times its techniques in turns, on one machine"):
-        stratalux.compare("demo", entries=["stratified", "direct"], cluster="tcp://host:1")
+    entries = ["stratified", "direct"]
+    with pytest.raises(InputError, match="cluster: times are taken, and the processes of local:2 would share"):
+        stratalux.compare("demo", entries=entries, size=(6, 4), rays=(4,), cluster="local:2")
+    with pytest.raises(InputError, match="cluster: the scene was loaded by a program"):
+        stratalux.compare(mi.load_dict(scene_dict()), entries=entries, cluster="tcp://host:1")
+    own = stratalux.EnvironmentMap.from_array(hall_map(16, 32))
+    with pytest.raises(InputError, match="cluster: the map was made by a program"):
+        stratalux.compare("demo", entries=entries, environment=own, cluster="tcp://host:1")
 
 
 def test_one_worker_of_each_machine(scheduler: str) -> None:

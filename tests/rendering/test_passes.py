@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import mitsuba as mi
@@ -112,3 +113,17 @@ def test_the_automatic_exposure_knows_the_light(reflectance: float, stops: float
         spp=16,
     )
     assert result.exposure == pytest.approx(stops, abs=0.05)
+
+
+def test_what_is_done_of_each_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It grows from launch to launch, up to all there is; of a picture that ends by its time, the whole is told."""
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", 6000)
+    work = [dict(one.work) for one in stratalux.render_passes("demo", size=(24, 16), spp=64)]
+    assert list(work[0]) == ["direct/pilot", "direct/later", "paths/pilot", "paths/later"] and len(work) > 8
+    for before, after in itertools.pairwise(work):
+        assert sum(after[kind] > before[kind] for kind in before) == 1  # each launch is of one kind
+    for kind, (done, whole) in work[-1].items():
+        assert done == pytest.approx(whole)
+        assert work[0][kind][0] == 0 or kind.endswith("pilot")
+    first = next(iter(stratalux.render_passes("demo", size=(24, 16), spp=64, time=1e5)))
+    assert first.work == {"": (first.share, 1.0)}

@@ -13,10 +13,11 @@ from typing import Any
 import mitsuba as mi
 
 from ..assets import Assets
-from ..comparison.provenance import machine, versions
+from ..comparison.provenance import check_machine, machine, versions
 from ..comparison.study import Study
 from ..errors import InputError
 from ..images.files import check_name, check_writable
+from ..rendering.cluster import check_packages
 from ..rendering.settings import MachineSettings
 from ..rendering.variants import choose_variant
 from ..scenes.mitsuba_xml import DIRECT
@@ -178,6 +179,7 @@ def _on_workers(
     folder: Path,
 ) -> None:
     """Let the workers of a cluster measure the cases, and keep the steps as if they had been made here."""
+    check_packages()
     from ..rendering.cluster.parts import timed
 
     (folder / "steps").mkdir(parents=True, exist_ok=True)
@@ -197,10 +199,7 @@ def _steps_of(part: tuple[Suite, BenchSettings, MachineSettings, Any]) -> dict[s
     from ..rendering.cluster.parts import files_of
 
     suite, asked, machine_settings, wanted = part
-    if (own := machine(gpu=choose_variant(machine_settings.variant).startswith("cuda"))) != wanted:
-        raise InputError(
-            f"cluster: a worker is another machine ({own}) than this one ({wanted}), and times are compared; use alike"
-        )
+    check_machine(wanted, gpu=choose_variant(machine_settings.variant).startswith("cuda"))
 
     def make(folder: Path) -> None:
         run_suite(suite, replace(asked, folder=str(folder), peers=False, peers_python=None), machine_settings)

@@ -111,7 +111,7 @@ def watch(start: Callable[[], Iterator[RenderResult]], keeper: Keeper | None, *,
             progress.update(task, description="rendering")
             for result in passes:
                 rate = f"{(result.camera_rays + result.shadow_rays) / max(result.seconds, 1e-9) / 1e6:.1f} M rays/s"
-                left = said(ahead.after(result.share, result.seconds))
+                left = said(ahead.after(result.work, result.seconds))
                 progress.update(task, completed=result.share, spp=_said(result), rate=rate, left=left)
                 if result.workers and not told and not quiet:
                     _tell(f"cluster: {result.workers}")

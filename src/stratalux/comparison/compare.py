@@ -7,11 +7,9 @@ nothing here knows one by name.
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import drjit as dr
@@ -20,7 +18,6 @@ import numpy as np
 
 from ..errors import InputError
 from ..images.metrics import Mask, why_no_flip
-from ..integrators.techniques import parse_technique
 from ..rendering.passes import activate
 from ..rendering.settings import MachineSettings
 from ..scenes.camera import own_camera
@@ -28,10 +25,11 @@ from ..scenes.load import load
 from ..scenes.settings import CameraSettings, SceneSettings
 from ..scenes.surroundings import shrunk
 from ..settings import Settings, command_line, documented
-from .contest import FLOOR_MARGIN, Contender, Judge, Meter, Progress, Rounds
+from .contest import FLOOR_MARGIN, Contender, Judge, Meter, Progress, Rendered, at_rays, seed_of, work_at
 from .findings import Findings
-from .records import Entry, Record
-from .reference import choose_estimator, find_reference, make_reference
+from .parts import Elsewhere, on_workers, why_not_elsewhere
+from .records import parse_entries
+from .reference import choose_estimator, find_reference, make_reference, reference_key
 from .results import write_results
 from .settings import ComparisonSettings
 
@@ -39,8 +37,6 @@ USUAL_MEAN = 0.2
 """The relative MSE is no longer relative in images that are much darker than this; a factor of 4 is worth a note."""
 
 _MASK_SAMPLES = 32
-_ROUNDS_OF_TRIALS = 3
-"""What the trials of equal time cost, in renderings, as far as the progress bar is concerned."""
 
 
 class Comparison(Findings):
@@ -73,7 +69,8 @@ def compare(
     rendered again.
 
     Errors are measured against a reference from an estimator none of the entries use, over pixels that are all
-    surface (``surface``) and over the whole ``image``. Raises :class:`InputError` for bad input.
+    surface (``surface``) and over the whole ``image``. On a ``cluster``, all techniques at one number of rays are
+    rendered in turn by one machine, and these have to be alike. Raises :class:`InputError` for bad input.
     """
     chosen = ComparisonSettings(techniques=tuple(entries), **_taken(ComparisonSettings, settings))
     camera = CameraSettings(**_taken(CameraSettings, settings))
@@ -99,8 +96,8 @@ def run_comparison(
     progress: Progress | None = None,
 ) -> Comparison:
     """The same from groups of settings; see :func:`compare`."""
-    if machine.cluster is not None:
-        raise InputError("cluster: a comparison times its techniques in turns, on one machine; leave it out")
+    if machine.cluster is not None and (why := why_not_elsewhere(asked)):
+        raise InputError(f"cluster: {why}")
     scene: Any = asked
     shown = asked if isinstance(asked, SceneSettings) else None
     if shown is not None:
@@ -119,38 +116,38 @@ def run_comparison(
     estimator = choose_estimator({entry.technique.plugin for entry in contestants})
 
     truth = find_reference(scene, estimator, reference_spp, sensor=sensor, cache=cache)
-    meter = Meter(progress, sum((2 * repeats + 1 + _ROUNDS_OF_TRIALS) * spp * n * len(contestants) for n in rays))
-    if truth is None:
-        work = 3 * reference_spp
-        meter.total += work
-        truth = make_reference(
-            scene,
-            estimator,
-            reference_spp,
-            sensor=sensor,
-            cache=cache,
-            progress=lambda done: meter.show(done * work, "reference"),
-        )
-        meter.done += work
+    rendered: list[tuple[list[Rendered], list[Rendered]]]
+    if machine.cluster is not None and shown is not None:
+        elsewhere = Elsewhere(shown, camera, chosen, machine, reference_key(scene, estimator, reference_spp, sensor))
+        rendered, truth = on_workers(elsewhere, estimator, truth, cache, progress)
+    else:
+        meter = Meter(progress, sum(work_at(n, spp, repeats) * len(contestants) for n in rays))
+        if truth is None:
+            work = 3 * reference_spp
+            meter.total += work
+            truth = make_reference(
+                scene,
+                estimator,
+                reference_spp,
+                sensor=sensor,
+                cache=cache,
+                progress=lambda done: meter.show(done * work, "reference"),
+            )
+            meter.done += work
+        rendered = [
+            at_rays(contenders, seed_of(seed, repeats, k), repeats, spp * n, meter)
+            for k, (n, contenders) in enumerate(zip(rays, fields, strict=True))
+        ]
     no_flip = why_no_flip()
     judge = Judge(truth, surface_mask(scene, sensor), flip=no_flip is None)
-
-    rounds = Rounds(seed, repeats, judge, meter)
-    equal_rays: list[Record] = []
-    equal_time: list[Record] = []
-    for n, contenders in zip(rays, fields, strict=True):
-        work = spp * n
-        warm_up_seed = rounds.next_seed()
-        for contender in contenders:
-            contender.warm_up(warm_up_seed)
-            meter.advance(work, contender.entry.name)
-        records = rounds.run(contenders, work, budget=None)
-        equal_rays += records
-        budget = median(record.seconds.median for record in records)
-        trial_seed = rounds.next_seed()
-        for contender, record in zip(contenders, records, strict=True):
-            contender.fit(record.seconds.median, budget, trial_seed, meter, work * _ROUNDS_OF_TRIALS)
-        equal_time += rounds.run(contenders, work, budget)
+    equal_rays, equal_time = (
+        tuple(
+            judge.record(entry, n, found)
+            for n, parts in zip(rays, rendered, strict=True)
+            for entry, found in zip(contestants, parts[part], strict=True)
+        )
+        for part in (0, 1)
+    )
 
     film = scene.sensors()[sensor].film()
     comparison = Comparison(
@@ -158,8 +155,8 @@ def run_comparison(
         rays=rays,
         reference=truth,
         surface=judge.surface,
-        equal_rays=tuple(equal_rays),
-        equal_time=tuple(equal_time),
+        equal_rays=equal_rays,
+        equal_time=equal_time,
         settings={
             "scene": name or "scene",
             "variant": mi.variant(),
@@ -189,22 +186,6 @@ def run_comparison(
             "it; raise the reference's samples per pixel"
         )
     return comparison
-
-
-def parse_entries(texts: Sequence[str]) -> tuple[Entry, ...]:
-    """Read the techniques of a comparison; raises :class:`InputError` for none, an unknown one, or one named twice."""
-    entries: list[Entry] = []
-    for text in texts:
-        technique, given = parse_technique(text)
-        stem = re.sub(r"[^A-Za-z0-9._-]+", "-", text).strip("-.")
-        if any(entry.technique.name == technique.name and entry.given == given for entry in entries):
-            raise InputError(f"technique '{text}' is given twice; leave one out")
-        while any(entry.stem == stem for entry in entries):
-            stem += "_"
-        entries.append(Entry(text, technique, given, stem))
-    if not entries:
-        raise InputError("no technique to compare; name at least one")
-    return tuple(entries)
 
 
 def surface_mask(scene: mi.Scene, sensor: int = 0) -> Mask:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from statistics import median
 from typing import Any
 
 import mitsuba as mi
@@ -22,6 +24,8 @@ Progress = Callable[[float, str], None]
 TIME_TOLERANCE = 0.1
 """How far from the time allowed a setting may be, by its trial run, to be taken as it is."""
 _TRIALS = 3
+_ROUNDS_OF_TRIALS = 3
+"""What the trials of equal time cost, in renderings, as far as the progress bar is concerned."""
 _LEAST_SLOPE = 0.25
 _LARGEST_STEP = 16
 """A trial is at most so many times longer than what has been seen before."""
@@ -117,6 +121,25 @@ class Judge:
     def errors(self, images: Sequence[NDArray[Any]], seconds: Spread) -> dict[str, Errors]:
         return {region: self._errors(images, seconds, region) for region in self.masks}
 
+    def record(self, entry: Entry, rays: int, found: Rendered) -> Record:
+        """What an ``entry`` has rendered at a number of ``rays``, with its errors."""
+        budget, images = found.budget_seconds, found.images
+        return Record(
+            entry=entry,
+            rays=rays,
+            integrator=found.integrator,
+            spp=found.spp,
+            rays_per_sample=found.rays_per_sample,
+            pixels=images[0].shape[0] * images[0].shape[1],
+            seconds=found.seconds,
+            preparation_seconds=found.preparation_seconds,
+            compile_seconds=found.compile_seconds,
+            budget_seconds=budget,
+            errors=self.errors(images, found.seconds),
+            image=images[0].astype(np.float32),
+            stem=f"{entry.stem}-{rays}{'' if budget is None else '-equal-time'}",
+        )
+
     def _errors(self, images: Sequence[NDArray[Any]], seconds: Spread, region: str) -> Errors:
         truth, mask = self.reference.image, self.masks[region]
         relative = Spread(tuple(relative_mse(image, truth, mask) for image in images))
@@ -130,18 +153,59 @@ class Judge:
         )
 
 
+@dataclass(frozen=True)
+class Rendered:
+    """What a contender has rendered in its turns; see :class:`.records.Record`."""
+
+    integrator: dict[str, Value]
+    spp: int
+    rays_per_sample: int
+    preparation_seconds: float
+    compile_seconds: float
+    budget_seconds: float | None
+    seconds: Spread
+    images: tuple[NDArray[np.float64], ...]
+
+
+def work_at(rays: int, spp: int, repeats: int) -> float:
+    """Of one contender at a number of rays, as :class:`Meter` counts it."""
+    return (2 * repeats + 1 + _ROUNDS_OF_TRIALS) * spp * rays
+
+
+def seed_of(seed: int, repeats: int, k: int) -> int:
+    """That with which the ``k``-th number of rays begins: after those of all rounds before."""
+    return seed + k * (2 + 2 * repeats) * SEED_STEP
+
+
+def at_rays(
+    contenders: Sequence[Contender], seed: int, repeats: int, work: float, meter: Meter
+) -> tuple[list[Rendered], list[Rendered]]:
+    """All of them in turn, at equal rays and at equal time."""
+    rounds = Rounds(seed, repeats, meter)
+    warm_up_seed = rounds.next_seed()
+    for contender in contenders:
+        contender.warm_up(warm_up_seed)
+        meter.advance(work, contender.entry.name)
+    equal_rays = rounds.run(contenders, work, budget=None)
+    budget = median(found.seconds.median for found in equal_rays)
+    trial_seed = rounds.next_seed()
+    for contender, found in zip(contenders, equal_rays, strict=True):
+        contender.fit(found.seconds.median, budget, trial_seed, meter, work * _ROUNDS_OF_TRIALS)
+    return equal_rays, rounds.run(contenders, work, budget)
+
+
 class Rounds:
     """Renders contenders in turn, so that what disturbs the machine disturbs all of them."""
 
-    def __init__(self, seed: int, repeats: int, judge: Judge, meter: Meter) -> None:
-        self.seed, self.repeats, self.judge, self.meter = seed, repeats, judge, meter
+    def __init__(self, seed: int, repeats: int, meter: Meter) -> None:
+        self.seed, self.repeats, self.meter = seed, repeats, meter
 
     def next_seed(self) -> int:
         """A seed for one round: the same for all contenders, far from those of other rounds and of the reference."""
         self.seed += SEED_STEP
         return self.seed % SEED
 
-    def run(self, contenders: Sequence[Contender], work: float, budget: float | None) -> list[Record]:
+    def run(self, contenders: Sequence[Contender], work: float, budget: float | None) -> list[Rendered]:
         results: list[list[tuple[float, NDArray[Any]]]] = [[] for _ in contenders]
         for _ in range(self.repeats):
             seed = self.next_seed()
@@ -149,25 +213,16 @@ class Rounds:
                 result = contender.render(seed)
                 mine.append((result.seconds, pixels(result)))
                 self.meter.advance(work, contender.entry.name)
-        return [self._record(c, mine, budget) for c, mine in zip(contenders, results, strict=True)]
-
-    def _record(
-        self, contender: Contender, results: Sequence[tuple[float, NDArray[Any]]], budget: float | None
-    ) -> Record:
-        seconds = Spread(tuple(time for time, _ in results))
-        images = [image for _, image in results]
-        return Record(
-            entry=contender.entry,
-            rays=contender.rays,
-            integrator=contender.description,
-            spp=contender.spp,
-            rays_per_sample=contender.rays_per_sample,
-            pixels=images[0].shape[0] * images[0].shape[1],
-            seconds=seconds,
-            preparation_seconds=contender.preparation_seconds or 0.0,
-            compile_seconds=contender.compile_seconds,
-            budget_seconds=budget,
-            errors=self.judge.errors(images, seconds),
-            image=images[0].astype(np.float32),
-            stem=f"{contender.entry.stem}-{contender.rays}{'' if budget is None else '-equal-time'}",
-        )
+        return [
+            Rendered(
+                integrator=contender.description,
+                spp=contender.spp,
+                rays_per_sample=contender.rays_per_sample,
+                preparation_seconds=contender.preparation_seconds or 0.0,
+                compile_seconds=contender.compile_seconds,
+                budget_seconds=budget,
+                seconds=Spread(tuple(time for time, _ in mine)),
+                images=tuple(image for _, image in mine),
+            )
+            for contender, mine in zip(contenders, results, strict=True)
+        ]

@@ -8,6 +8,8 @@ import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from ..errors import InputError
+
 PACKAGES = ("stratalux", "mitsuba", "drjit", "numpy", "flip-evaluator", "matplotlib")
 
 
@@ -32,6 +34,14 @@ def machine(gpu: bool = False) -> str:
         pass
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return ", ".join([cpu, f"{cores} core(s)", f"{platform.system()} {platform.machine()}", *_gpus(gpu)])
+
+
+def check_machine(wanted: str, gpu: bool = False) -> None:
+    """Raise :class:`InputError` where this worker of a cluster is another :func:`machine` than the ``wanted`` one."""
+    if (own := machine(gpu)) != wanted:
+        raise InputError(
+            f"cluster: a worker is another machine ({own}) than this one ({wanted}), and times are compared; use alike"
+        )
 
 
 def _gpus(wanted: bool) -> list[str]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..integrators.techniques import Technique, Value
+from ..errors import InputError
+from ..integrators.techniques import Technique, Value, parse_technique
 
 
 @dataclass(frozen=True)
@@ -94,3 +97,19 @@ class Record:
     def shadow_rays(self) -> int:
         """In the whole image, at most: none is traced where nothing is hit."""
         return self.pixels * self.rays_per_pixel
+
+
+def parse_entries(texts: Sequence[str]) -> tuple[Entry, ...]:
+    """Read the techniques of a comparison; raises :class:`InputError` for none, an unknown one, or one named twice."""
+    entries: list[Entry] = []
+    for text in texts:
+        technique, given = parse_technique(text)
+        stem = re.sub(r"[^A-Za-z0-9._-]+", "-", text).strip("-.")
+        if any(entry.technique.name == technique.name and entry.given == given for entry in entries):
+            raise InputError(f"technique '{text}' is given twice; leave one out")
+        while any(entry.stem == stem for entry in entries):
+            stem += "_"
+        entries.append(Entry(text, technique, given, stem))
+    if not entries:
+        raise InputError("no technique to compare; name at least one")
+    return tuple(entries)

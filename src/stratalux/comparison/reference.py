@@ -14,7 +14,7 @@ import json
 import time
 import warnings
 import zipfile
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -134,27 +134,52 @@ def make_reference(
     ``estimator``: dictionary of an integrator, see :func:`choose_estimator`. ``cache``: folder, instead of the usual
     one. ``progress`` is told the fraction that is done. A cache that cannot be written costs a :class:`CacheWarning`.
     """
+    start = time.perf_counter()
+
+    def images() -> Iterator[NDArray[np.float64]]:
+        for k, image in enumerate(render_passes_of(scene, estimator, spp, range(PASSES), sensor)):
+            yield image
+            if progress is not None:
+                progress((k + 1) / PASSES)
+
     key = reference_key(scene, estimator, spp, sensor)
+    return reference_of(images(), estimator, spp, lambda: time.perf_counter() - start, key, cache=cache)
+
+
+def render_passes_of(
+    scene: mi.Scene, estimator: dict[str, Any], spp: int, passes: Iterable[int], sensor: int = 0
+) -> Iterator[NDArray[np.float64]]:
+    """The images (H, W, C) of some of the :data:`PASSES` of a reference of ``spp`` samples per pixel."""
     integrator = mi.load_dict(estimator)
-    each = -(-spp // PASSES)
+    for k in passes:
+        seed = SEED + k * SEED_STEP
+        yield pixels(render(scene, integrator=integrator, spp=-(-spp // PASSES), seed=seed, camera=sensor))
+
+
+def reference_of(
+    images: Iterable[NDArray[np.float64]],
+    estimator: dict[str, Any],
+    spp: int,
+    seconds: Callable[[], float],
+    key: str,
+    *,
+    cache: Path | None = None,
+) -> Reference:
+    """That of the ``images`` of all passes, and of the ``seconds`` that they have taken in the end; it is kept."""
     mean: NDArray[np.float64] = np.zeros(())
     squares = mean
-    start = time.perf_counter()
-    for k in range(PASSES):
-        image = pixels(render(scene, integrator=integrator, spp=each, seed=SEED + k * SEED_STEP, camera=sensor))
+    for k, image in enumerate(images):
         # Welford's update: no difference of large numbers.
         difference = image - mean
         mean = mean + difference / (k + 1)
         squares = squares + difference * (image - mean)
-        if progress is not None:
-            progress((k + 1) / PASSES)
     reference = Reference(
         image=mean.astype(np.float32),
         standard_error=np.sqrt(squares / (PASSES - 1) / PASSES).astype(np.float32),
         estimator=estimator,
-        spp=each * PASSES,
+        spp=-(-spp // PASSES) * PASSES,
         passes=PASSES,
-        seconds=time.perf_counter() - start,
+        seconds=seconds(),
         key=key,
     )
     _store(reference, _path(key, cache))
@@ -226,5 +251,5 @@ def _store(reference: Reference, path: Path) -> None:
             f"{path.parent}: the reference cannot be kept ({error.strerror or error}); "
             "STRATALUX_CACHE names another folder",
             CacheWarning,
-            stacklevel=3,
+            stacklevel=4,
         )

@@ -154,7 +154,7 @@ class PathStratified(Automatic):
             yield from super()._passes(scene, sensor, seed, spp, memory, make)
             return
         spp = spp or sensor.sampler().sample_count()
-        parts = self._parts(scene, sensor, seed, spp, memory)
+        parts = self._under_way = self._parts(scene, sensor, seed, spp, memory)
         if "whole" in parts:
             for image, done, noise in parts["whole"].passes(of_part(make, "whole")):
                 yield image, done / EACH, noise

@@ -5,13 +5,14 @@ from __future__ import annotations
 import importlib.util
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator
+import weakref
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import drjit as dr
 import mitsuba as mi
@@ -33,6 +34,7 @@ from ..scenes.sources import sources
 from ..scenes.surroundings import object_pixels
 from ..settings import documented
 from .checkpoint import Checkpoint, identity_of
+from .cluster import check_packages
 from .ready import ready
 from .settings import (
     GROUPS,
@@ -43,6 +45,9 @@ from .settings import (
 )
 from .steps import Step
 from .variants import choose_variant, why_not
+
+if TYPE_CHECKING:
+    from .cluster.client import Processes
 
 
 @dataclass
@@ -57,6 +62,7 @@ class RenderResult:
     :func:`~..scenes.metering.incident_light`; of a scene, nothing. ``float32``: whether the scene's film asks for
     numbers of 32 bits in files. ``variant``: of Mitsuba. ``earlier_seconds``: that it took before it went on from a
     checkpoint. ``noise``: see :meth:`~..integrators.sums.Sums.noise`.
+    ``kinds``: see :attr:`~.steps.Steps.work`.
     ``checkpoint``: what goes on from here, see :class:`~.checkpoint.Checkpoint`; there is none with an integrator of a
     program's own. ``workers``: those of a cluster, in words, and where they are watched.
     """
@@ -80,6 +86,7 @@ class RenderResult:
     variant: str = ""
     checkpoint: Callable[[], Checkpoint] | None = None
     workers: str = ""
+    kinds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @cached_property
     def error(self) -> float | None:
@@ -119,6 +126,12 @@ class RenderResult:
     def share(self) -> float:
         """Of all that was asked for, as far as it is known, from 0 to 1."""
         return min(1.0, max(self.spp / self.spp_total, *self._shares, 0.0))
+
+    @property
+    def work(self) -> Mapping[str, tuple[float, float]]:
+        """How much is done, and of how much, of each kind of samples by name; of a picture that ends by its time or its
+        error, of the whole."""
+        return self.kinds if self.kinds and not self._shares else {"": (self.share, 1.0)}
 
     @property
     def total_seconds(self) -> float:
@@ -215,9 +228,18 @@ def render_passes(
         loaded = Loaded(scene, _described(scene), own_camera(picture.camera, scene))
         return _render_passes(loaded, (), picture, integrator, resume)
     picture = replace(picture, machine=activate(picture.machine))
-    with sources() as files:
-        loaded = load(shown, picture.camera, picture.machine.max_memory)
-    return _render_passes(loaded, files, picture, integrator, resume)
+    processes = _processes(picture) if integrator is None else None
+    try:
+        with sources() as files:
+            loaded = load(shown, picture.camera, picture.machine.max_memory)
+        passes = _render_passes(loaded, files, picture, integrator, resume, processes)
+    except BaseException:
+        if processes is not None:
+            processes.close()
+        raise
+    if processes is not None:
+        weakref.finalize(passes, processes.close)  # whether anybody asks for the first one or not
+    return passes
 
 
 def _described(scene: Any) -> dict[str, Any] | None:
@@ -244,6 +266,7 @@ def _render_passes(
     picture: PictureSettings,
     integrator: mi.Integrator | None,
     resume: Checkpoint | None,
+    processes: Processes | None = None,
 ) -> Iterator[RenderResult]:
     made = ready(loaded, picture, integrator)
     scene, camera, picture, sampling = loaded.scene, made.camera, made.picture, made.picture.sampling
@@ -259,7 +282,7 @@ def _render_passes(
         memory = resume.memory
     shows = cache(partial(object_pixels, scene, camera)) if loaded.measure else None
     light = None if shows is None else cache(partial(_light, scene, camera, shows))
-    with _maker(files, picture, identity) as (make, workers):
+    with _maker(files, picture, identity, processes) as (make, workers):
         for (total, done, noise), elapsed, compile_time in _timed(made.steps.all(memory, make)):
             compiling += compile_time
             seconds += elapsed - compile_time
@@ -282,6 +305,7 @@ def _render_passes(
                 variant=mi.variant(),
                 earlier_seconds=0.0 if resume is None else resume.seconds,
                 workers=workers,
+                kinds=made.steps.work,
             )
             if identity is not None:
                 result.checkpoint = partial(_checkpoint, identity, memory, result.total_seconds)
@@ -306,9 +330,24 @@ def _timed(passes: Iterator[Step]) -> Iterator[tuple[Step, float, float]]:
         yield step, elapsed, compiling
 
 
+def _processes(picture: PictureSettings) -> Processes | None:
+    """Those of ``local:N``, which start while the scene is loaded here."""
+    where = picture.machine.cluster
+    if where is None or not where.startswith("local:") or importlib.util.find_spec("distributed") is None:
+        return None
+    if picture.scene is None or not isinstance(picture.scene.environment, (str, type(None))):
+        return None
+    from .cluster.client import Processes
+
+    return Processes(where, str(picture.machine.variant), picture.to_text())
+
+
 @contextmanager
 def _maker(
-    files: Iterable[Path], picture: PictureSettings, identity: Callable[[], dict[str, Any]] | None
+    files: Iterable[Path],
+    picture: PictureSettings,
+    identity: Callable[[], dict[str, Any]] | None,
+    processes: Processes | None = None,
 ) -> Iterator[tuple[Maker, str]]:
     """Who makes the launches of a picture, and who that is in words, if it is a cluster."""
     where = picture.machine.cluster
@@ -317,13 +356,12 @@ def _maker(
         return
     if identity is None:
         raise InputError("cluster: an integrator of a program's own is not there; leave one of them out")
-    if importlib.util.find_spec("distributed") is None:
-        raise InputError("cluster: rendering on many machines needs more packages: pip install 'stratalux[cluster]'")
+    check_packages()
     from .cluster.client import cluster
     from .cluster.job import Job
 
     job = Job.of(picture, files, identity())
-    with cluster(where, mi.variant()) as workers:
+    with cluster(where, mi.variant(), processes) as workers:
         yield workers.maker(job), str(workers)
 
 

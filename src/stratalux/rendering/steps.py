@@ -70,6 +70,11 @@ class Steps:
         # What the last wavefront has left in the sampler would be handed to every kernel that is replayed from then on.
         self._camera.sampler().seed(0, 1)
 
+    @property
+    def work(self) -> dict[str, tuple[float, float]]:
+        """How many samples of each kind are done, and how many there will be, where these take unlike times."""
+        return dict(self._integrator.work) if self._automatic else {}
+
     def launch(self, stage: str, known: Memory) -> Launch:
         """That of a stage, for who makes launches elsewhere: see :class:`~..integrators.launches.Maker`."""
         if stage == _PASSES:

@@ -16,6 +16,7 @@ from ..comparison import provenance
 from ..comparison.study import Progress, Study
 from ..errors import InputError
 from ..images.files import check_name, check_writable
+from ..rendering.cluster import check_packages
 from ..report.model import Report, Section
 from .items import ITEMS
 from .output import write_all
@@ -96,6 +97,7 @@ def _on_workers(
     request: ReproductionSettings, settings: Settings, cluster: str, folder: Path, progress: Progress | None
 ) -> None:
     """Let workers make the steps of all items, and keep them as if they had been made here."""
+    check_packages()
     from ..rendering.cluster.parts import timed
 
     names = item_names(request.items)

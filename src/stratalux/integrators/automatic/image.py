@@ -40,6 +40,7 @@ class Automatic(AutomaticSample):
         self._launchers: dict[str, Launcher] = {}
         self.max_memory: int | None = None
         """Bytes that launches may take, with all that the process has; None for half of what the machine has."""
+        self._under_way: dict[str, TwoStages] = {}
 
     @one_at_a_time
     def render(
@@ -110,7 +111,13 @@ class Automatic(AutomaticSample):
         self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int, memory: Memory, make: Maker
     ) -> Iterator[tuple[Pixels, float, Noise]]:
         parts = self._parts(scene, sensor, seed, spp or sensor.sampler().sample_count(), memory)
+        self._under_way = parts
         yield from parts["direct"].passes(of_part(make, "direct"))
+
+    @property
+    def work(self) -> dict[str, tuple[float, float]]:
+        """Samples of a pixel that are done, and all there will be, of each kind in the picture that is under way."""
+        return {name + kind: done for name, part in self._under_way.items() for kind, done in part.work.items()}
 
     @one_at_a_time
     def launch(

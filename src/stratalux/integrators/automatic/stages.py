@@ -16,6 +16,9 @@ from .view import PLENTY, Pilot, Range, View, combined
 
 PARTS = 4
 """Of a pilot, whose differences tell its error."""
+_DEARER = 1.15
+"""A later sample counts for so many of the pilot, as they are where there is more to be seen; a pilot that learns
+something takes as long. That only tells what to expect of them, until it is measured."""
 _KNOWN = "counts", "level", "share", "learned"
 """What of its memory the second stage depends on."""
 
@@ -45,6 +48,7 @@ class TwoStages:
     ) -> None:
         self.spp, self._view, self._few, self._seed, self._dim = spp, view, few, seed, dim
         self._memory, self._varied, self._beside = memory, varied, beside
+        self._done = 0.0
         self._even = even or (few == spp and not varied)  # a share of the variate is planned, too
         # As neighbours' errors choose the number of a pixel's samples, they may share those of the map only where all
         # do, the pilot's and the later ones: with any such set fixed, pixels are independent.
@@ -52,8 +56,27 @@ class TwoStages:
         parts = 0 if self._even else min(PARTS, few)
         self._pilot = Pilot(view, few, parts, self._shared, seed, dim, grey, varied, varied and few < spp)
 
+    @property
+    def work(self) -> dict[str, tuple[float, float]]:
+        """Samples of a pixel that are done, and all there will be, by kinds that take unlike times."""
+        few, spp = float(self._few), float(self.spp)
+        if "counts" in self._memory:  # planned, they are a few less
+            spp = float(self._memory["counts"].mean())
+        if self._even or few == spp:
+            return {"": (self._done, spp)}
+        dearer = 1.0 if self._varied else _DEARER
+        return {
+            "/pilot": (min(self._done, few), few),
+            "/later": (max(self._done - few, 0.0) * dearer, (spp - few) * dearer),
+        }
+
     def passes(self, make: Maker) -> Iterator[tuple[Pixels, float, Noise]]:
         """The image so far, with the film's channels and weights, its samples per pixel and its noise."""
+        for image, done, noise in self._passes(make):
+            self._done = done
+            yield image, done, noise
+
+    def _passes(self, make: Maker) -> Iterator[tuple[Pixels, float, Noise]]:
         memory, few = self._memory, self._few
         if "first" not in memory:
             launches = self._pilot.launches

@@ -11,10 +11,11 @@ from __future__ import annotations
 import importlib.util
 import logging
 import os
+import threading
 import warnings
 from collections import deque
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -30,7 +31,7 @@ from ...integrators.launches import Arrays, Launch
 from .job import Job, Missing
 from .worker import RESOURCE, Renderer, added, held, made, prepared
 
-_LOCAL = "local:"
+LOCAL = "local:"
 _SHORTEST = 1.0
 """Seconds that a task takes at least, where there is enough to do: less is lost between tasks."""
 _TRANSFERS = 20
@@ -44,36 +45,86 @@ _TRIES = 10
 _AHEAD = 3
 """Tasks for each worker that wait or are under way."""
 _CONNECT = "30s"
+_SETTINGS = {
+    "distributed.admin.large-graph-warning-threshold": "1TB",  # pictures are large
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.worker.memory.monitor-interval": "500ms",
+    "distributed.worker.profile.enabled": False,
+}
+"""Of Dask, here and in processes of this machine. As it is, it looks after each process fifty times a second, which
+takes 3 to 4 % of a processor for each."""
 
 
 @contextmanager
-def cluster(where: str, variant: str) -> Iterator[Cluster]:
-    """The cluster at the address ``where``, or ``local:N``. Raises :class:`InputError` if there is none."""
-    for name in ("distributed", "distributed.client", "distributed.worker", "distributed.nanny"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is told in one line
-    with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"}):
-        if where.startswith(_LOCAL):
-            with _processes(where) as local, Client(local, set_as_default=False) as client:  # type: ignore[no-untyped-call]
-                yield Cluster(where, client, variant)
-            return
+def cluster(where: str, variant: str, processes: Processes | None = None) -> Iterator[Cluster]:
+    """The cluster at the address ``where``, or that of the ``processes`` of this machine that have been started.
+    Raises :class:`InputError` if there is none."""
+    if processes is not None or where.startswith(LOCAL):
+        with closing(processes or Processes(where, variant)) as local:
+            yield local.ready()
+        return
+    with _quietly():
         try:
             client = Client(where, timeout=_CONNECT, set_as_default=False)  # type: ignore[no-untyped-call]
         except (OSError, ValueError, Late) as error:
             raise InputError(f"cluster {where}: there is no scheduler ({' '.join(str(error).split())[:100]})") from None
         with client:
-            yield Cluster(where, client, variant)
+            yield Cluster(where, client, Renderer(variant))
 
 
-def _processes(where: str) -> LocalCluster:
-    """As many as that says, which share the processors."""
-    count = int(where.removeprefix(_LOCAL))
-    threads = max(1, (os.cpu_count() or 1) // count)
-    try:
-        return LocalCluster(  # type: ignore[no-untyped-call]
-            n_workers=count, threads_per_worker=threads, dashboard_address=":0", silence_logs=logging.CRITICAL
-        )
-    except (RuntimeError, OSError, Late) as error:
-        raise InputError(f"cluster {where}: cannot be started ({' '.join(str(error).split())[:100]})") from None
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """What matters is told in one line."""
+    for name in ("distributed", "distributed.client", "distributed.worker", "distributed.nanny"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    with dask.config.set(_SETTINGS):
+        yield
+
+
+class Processes:
+    """Those of ``local:N``, which share the processors. They start while this process does something else; with the
+    settings of a ``picture`` (JSON), they load its scene at once."""
+
+    def __init__(self, where: str, variant: str, picture: str | None = None) -> None:
+        self._where = where
+        self._made = ExitStack()
+        self._cluster: Cluster | None = None
+        self._failed: Exception | None = None
+        self._thread = threading.Thread(target=self._start, args=(Renderer(variant, picture, local=True),), daemon=True)
+        self._thread.start()
+
+    def _start(self, renderer: Renderer) -> None:
+        count = int(self._where.removeprefix(LOCAL))
+        try:
+            self._made.enter_context(_quietly())
+            local = LocalCluster(  # type: ignore[no-untyped-call]
+                n_workers=count,
+                threads_per_worker=max(1, (os.cpu_count() or 1) // count),
+                dashboard_address=":0",
+                silence_logs=logging.CRITICAL,
+            )
+            self._made.enter_context(local)
+            client = self._made.enter_context(Client(local, set_as_default=False))  # type: ignore[no-untyped-call]
+            self._cluster = Cluster(self._where, client, renderer)
+        except Exception as error:
+            self._failed = error
+
+    def ready(self) -> Cluster:
+        """They, when they have started. Raises :class:`InputError` if they cannot."""
+        self._thread.join()
+        if isinstance(self._failed, (RuntimeError, OSError, Late)):
+            why = " ".join(str(self._failed).split())[:100]
+            raise InputError(f"cluster {self._where}: cannot be started ({why})") from None
+        if self._failed is not None:
+            raise self._failed
+        assert self._cluster is not None
+        return self._cluster
+
+    def close(self) -> None:
+        """End them."""
+        self._thread.join()
+        self._made.close()
 
 
 @dataclass
@@ -89,11 +140,11 @@ class _Task:
 class Cluster:
     """Workers that are prepared, and what they are given to do."""
 
-    def __init__(self, where: str, client: Client, variant: str) -> None:
+    def __init__(self, where: str, client: Client, renderer: Renderer) -> None:
         self._where, self._client = where, client
         self._files: dict[str, Future] = {}
         self._alone = False
-        client.register_plugin(Renderer(variant, where.startswith(_LOCAL)))  # type: ignore[no-untyped-call]
+        client.register_plugin(renderer)  # type: ignore[no-untyped-call]
         if not self._workers:
             warnings.warn(f"cluster {where}: waiting for its first worker", SceneWarning, stacklevel=4)
             client.wait_for_workers(1)  # type: ignore[no-untyped-call]

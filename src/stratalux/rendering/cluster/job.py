@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -67,12 +67,17 @@ class Job:
 
     def settings(self, paths: Mapping[str, str]) -> PictureSettings:
         """Those of the picture, with files as they are called here."""
-        content = json.loads(self.picture)
-        for name in ("source", "environment", "background"):
-            said = content["scene"].get(name)
-            if said is not None:
-                content["scene"][name] = paths.get(os.path.abspath(said), said)
-        return PictureSettings.from_json(content)
+        return settings_of(self.picture, lambda name: paths.get(os.path.abspath(name), name))
+
+
+def settings_of(picture: str, called: Callable[[str], str]) -> PictureSettings:
+    """Those of a ``picture`` in JSON, with what its scene is made of as that is ``called`` here."""
+    content = json.loads(picture)
+    for name in ("source", "environment", "background"):
+        said = content["scene"].get(name)
+        if said is not None:
+            content["scene"][name] = called(said)
+    return PictureSettings.from_json(content)
 
 
 def found(job: Job, contents: Mapping[str, bytes]) -> dict[str, str]:

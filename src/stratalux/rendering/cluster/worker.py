@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import socket
 import time
@@ -21,13 +22,14 @@ from distributed import WorkerPlugin
 from ...errors import InputError
 from ...integrators.launches import Arrays, Launch, together
 from ...sampling.recording import nobody_else_renders
-from ...scenes.load import load
+from ...scenes.load import Loaded, load
 from ..checkpoint import identity_of
 from ..identity import differences
 from ..ready import ready
+from ..settings import PictureSettings
 from ..steps import Steps
 from ..variants import choose_variant
-from .job import Job, Missing, found
+from .job import Job, Missing, found, settings_of
 
 RESOURCE = "stratalux"
 """Of a worker: it makes launches of one task at a time, with all of its threads."""
@@ -42,6 +44,8 @@ _renderer = ThreadPoolExecutor(1, "stratalux")
 """Dr.Jit's recordings are for one thread; Dask has several for its tasks."""
 _steps: OrderedDict[str, Steps] = OrderedDict()
 _launches: dict[tuple[str, str], Launch] = {}
+_ahead: tuple[tuple[Any, ...], Loaded] | None = None
+"""A scene that was loaded before anybody asked for it, after what it was loaded from."""
 
 
 class Renderer(WorkerPlugin):
@@ -49,9 +53,11 @@ class Renderer(WorkerPlugin):
 
     idempotent = True
 
-    def __init__(self, variant: str, local: bool) -> None:
+    def __init__(self, variant: str, ahead: str | None = None, *, local: bool = False) -> None:
+        """``ahead``: settings (JSON) of a picture, whose scene is loaded before it is asked for. ``local``: on the
+        machine that asks."""
         self.name = f"stratalux-{variant}"
-        self._variant, self._local = variant, local
+        self._variant, self._ahead, self._local = variant, ahead, local
 
     async def setup(self, worker: Any) -> None:
         global _memory
@@ -63,6 +69,8 @@ class Renderer(WorkerPlugin):
         choose_variant(self._variant)
         mi.load_dict({"type": "scene", "shape": {"type": "sphere"}})
         _renderer.submit(nobody_else_renders).result()
+        if self._ahead is not None:
+            _renderer.submit(_load_ahead, self._ahead)
         await worker.set_resources(**{RESOURCE: 1})
 
 
@@ -104,6 +112,27 @@ def _made(job: Job, files: Mapping[str, bytes], stage: str, known: Mapping[str, 
     return {**total, "seconds": np.array(time.perf_counter() - start)}
 
 
+def _scene(picture: PictureSettings) -> Loaded:
+    """That of a picture, whether it was loaded ahead or not."""
+    global _ahead
+    assert picture.scene is not None
+    key = picture.scene, picture.camera, picture.machine
+    ahead, _ahead = _ahead, None
+    if ahead is not None and ahead[0] == key:
+        return ahead[1]
+    choose_variant(picture.machine.variant)
+    return load(picture.scene, picture.camera, picture.machine.max_memory)
+
+
+def _load_ahead(picture: str) -> None:
+    """Load the scene of a picture; whatever is wrong with that is told when it is asked for."""
+    global _ahead
+    found = settings_of(picture, lambda name: os.path.abspath(name) if os.path.isfile(name) else name)
+    found = replace(found, machine=replace(found.machine, max_memory=_share(found.machine.max_memory)))
+    loaded = _scene(found)
+    _ahead = (found.scene, found.camera, found.machine), loaded
+
+
 def _launch(job: Job, files: Mapping[str, bytes], stage: str, known: Mapping[str, Any]) -> Launch:
     place = job.key, stage
     if place not in _launches:
@@ -121,9 +150,7 @@ def _loaded(job: Job, files: Mapping[str, bytes]) -> Steps:
                 del _launches[place]
         picture = job.settings(paths)
         picture = replace(picture, machine=replace(picture.machine, max_memory=_share(picture.machine.max_memory)))
-        choose_variant(picture.machine.variant)
-        assert picture.scene is not None
-        loaded = load(picture.scene, picture.camera, picture.machine.max_memory)
+        loaded = _scene(picture)
         prepared = ready(loaded, picture)
         _check(job, identity_of(loaded.scene, prepared.picture))
         _steps[job.key] = prepared.steps
