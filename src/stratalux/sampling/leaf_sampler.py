@@ -8,7 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from ..images.colour import LUMINANCE
+from ..maps.energy_table import EnergyTable
 from ..maps.envmap import EnvironmentMap
 from ..maps.regions import Regions
 from .leaves import added_luminance, cut_regions
@@ -27,21 +27,29 @@ _EVEN = 1e-5
 class LeafSampler:
     """Draws directions with a density that is constant, per du dv, in each of 2^depth leaves of equal energy.
 
-    A leaf takes 16 bytes. The table is made once, for the variant that is active at construction.
+    A leaf takes 16 bytes. The table is made once, for the variant that is active at construction. ``table``: energies
+    to be followed in place of the map's own.
     """
 
-    def __init__(self, environment: EnvironmentMap, depth: int | None = None, regions: Regions | None = None) -> None:
+    def __init__(
+        self,
+        environment: EnvironmentMap,
+        depth: int | None = None,
+        regions: Regions | None = None,
+        table: EnergyTable | None = None,
+    ) -> None:
+        table = environment.energy_table if table is None else table
         trees = 1 if regions is None else len(regions)
         if depth is None:
             depth = max(DEPTH - (trees > _MANY_REGIONS) - (trees - 1).bit_length(), 0)
         self.depth, self.count = depth, trees << depth
-        self.energy = environment.energy_table.total
+        self.energy = table.total
         """∫ luminance dω over the sphere."""
         self.total = dr.opaque(mi.Float, self.energy)
         """The same for kernels, which are none of their own for each map."""
         self.spared = dr.opaque(mi.Float, 0.0)
         """Luminance that it leaves to samples of the BSDF, of the map as it is."""
-        bounds = cut_regions(environment.energy_table, None if regions is None else regions.bounds, depth)
+        bounds = cut_regions(table, None if regions is None else regions.bounds, depth)
         x0, y0, x1, y1 = dr.gather(mi.Vector4d, bounds, dr.arange(mi.UInt32, self.count))
         across, down = dr.opaque(mi.Float64, environment.width), dr.opaque(mi.Float64, environment.height - 1)
         # u of texel j is (j + ½) / W.
@@ -85,8 +93,7 @@ class BrightLeafSampler(LeafSampler):
 
     def __init__(self, environment: EnvironmentMap) -> None:
         mean = environment.energy_table.total / (4 * np.pi) * (1 + _EVEN)
-        bright = np.maximum(environment.texels @ LUMINANCE - np.float32(mean), 0)
-        super().__init__(EnvironmentMap(np.broadcast_to(bright[..., None], environment.texels.shape)))
+        super().__init__(environment, table=EnergyTable.build(environment.texels, mean))
         self.spared = dr.opaque(mi.Float, mean)
         d = self.sample(dr.arange(mi.UInt32, self.count), mi.Point2f(0.5)).d
         self.gathered = float(np.linalg.norm([dr.mean(x)[0] for x in d]))
