@@ -91,9 +91,9 @@ def _kind(variant: str) -> Any:
     class LargeEnvironmentMap(mi.Emitter):
         """``data`` (H, W, 3), float16 or float32, as Mitsuba's ``envmap`` has it but for its columns of neighbours.
 
-        ``to_world`` and ``scale`` are those of ``envmap``. Half floats are read as ``words`` of two, of the same memory,
-        which is twice as fast (Dr.Jit 1.5.0). Texels of float32 have derivatives. Directions are sampled
-        by :func:`.maps.coarse.coarse_density`, whose table is made when somebody asks for it.
+        ``to_world`` and ``scale`` are those of ``envmap``. Half floats are read as ``words`` of two in the same memory,
+        which is twice as fast (Dr.Jit 1.5.0). Float32 has derivatives. Directions are sampled by
+        :func:`.maps.coarse.coarse_density`, whose table is made when somebody asks for it.
         """
 
         large = True
