@@ -91,9 +91,11 @@ class EnergyTable:
             np.multiply(luminance[first : first + _ROWS], weight[first : first + _ROWS], out=inner)
             np.cumsum(inner, axis=1, out=inner)
             np.add(inner[:, -1], inner[:, 0], out=block[:, -1])
-            for line, kept in zip(block, sums[first + 1 :, 1:-1], strict=False):
-                before += line
-                np.add(before, 0.5, out=kept, casting="unsafe")
+            for line in block:
+                np.add(line, before, out=line)
+                before = line
+            before = before.copy()
+            sums[first + 1 : first + 1 + len(block), 1:-1] = block
         sums[:-1, -1] = sums[:-1, -2]
         sums[-1] = sums[-2]
         return cls(sums, row, above, unit)
