@@ -373,3 +373,26 @@ def test_alpha_of_integers(tmp_path: Path, reader: Reader, straight: int) -> Non
     np.testing.assert_allclose(image.pixels, np.repeat(0.5 * image.alpha[..., None], 3, axis=2), atol=1e-4)
     assert "alpha" not in said(image)
     assert ("alpha is left out" in said(read_image(path, reader=reader))) == bool(straight)
+
+
+def test_pixels_go_where_they_are_wanted(tmp_path: Path, reader: Reader) -> None:
+    """Half floats as such, unless colours have to be converted; others as float32."""
+    made: list[np.ndarray] = []
+
+    def allocate(shape: tuple[int, int, int], kind: type) -> np.ndarray:
+        made.append(np.empty(shape, kind))
+        return made[-1]
+
+    half = write(tmp_path / "a.exr", CARD, type="half")
+    for path, kind in (
+        (half, np.float16),
+        (write(tmp_path / "b.exr", CARD), np.float32),
+        (write(tmp_path / "c.hdr", CARD), np.float32),
+    ):
+        image = read_image(path, reader=reader, allocate=allocate)
+        assert np.shares_memory(image.pixels, made[-1]) and image.pixels.dtype == kind
+        np.testing.assert_array_equal(image.pixels, read_image(path, reader=reader).pixels)
+    converted = write(tmp_path / "d.exr", CARD, type="half", chromaticities=PRIMARIES["rec2020"])
+    image = read_image(converted, reader=reader, allocate=allocate)
+    assert made[-1].dtype == np.float16 and image.pixels.dtype == np.float32
+    np.testing.assert_array_equal(image.pixels, read_image(converted, reader=reader).pixels)

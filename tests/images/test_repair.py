@@ -61,3 +61,12 @@ def test_doubles_beyond_floats() -> None:
     texels[0, 0] = 1e300
     with pytest.warns(EnvironmentMapWarning, match="infinite"):
         assert EnvironmentMap.from_array(texels).texels[0, 0].tolist() == [10] * 3
+
+
+def test_halves_stay_halves() -> None:
+    texels = np.ones((4, 5, 3), dtype=np.float16)
+    assert repair(texels)[0] is texels
+    texels[1, 2], texels[2, 3], texels[3, 3] = np.inf, np.nan, -1
+    repaired, said = repair(texels)
+    assert repaired.dtype == np.float16 and repaired[1, 2, 0] == 65504 and not repaired[[2, 3], [3, 3]].any()
+    assert "1 NaN, 1 infinite, 1 negative texel(s) repaired" in said

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..images.metrics import Mask, why_no_flip
+from ..integrators.large_map import as_mitsuba_has_them
 from ..rendering.passes import activate
 from ..rendering.settings import MachineSettings
 from ..scenes.camera import own_camera
@@ -103,7 +104,8 @@ def run_comparison(
     if shown is not None:
         machine = activate(machine)
         parse_entries(chosen.techniques)  # before a large scene is loaded
-        loaded = load(shown, camera, machine.max_memory)
+        with as_mitsuba_has_them(True):
+            loaded = load(shown, camera, machine.max_memory)
         scene, sensor = loaded.scene, loaded.camera
         name = name or Path(shown.source).stem
     else:

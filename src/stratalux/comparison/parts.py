@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..integrators.large_map import as_mitsuba_has_them
 from ..rendering.cluster import check_packages
 from ..rendering.settings import MachineSettings
 from ..rendering.variants import choose_variant
@@ -113,7 +114,8 @@ def _made(part: _Part) -> Any:
     asked = part.asked
     check_machine(part.here, gpu=choose_variant(asked.machine.variant).startswith("cuda"))
     gc.collect()  # kernels are compiled for all scenes that live
-    loaded = load(asked.scene, asked.camera, asked.machine.max_memory)
+    with as_mitsuba_has_them(True):
+        loaded = load(asked.scene, asked.camera, asked.machine.max_memory)
     scene, camera, chosen = loaded.scene, loaded.camera, asked.comparison
     if reference_key(scene, part.estimator, chosen.reference_spp, camera) != asked.key:
         raise InputError(

@@ -89,14 +89,14 @@ class Reader:
         channels: Sequence[int | None],
         columns: tuple[int, int],
         rows: tuple[int, int],
-        into: NDArray[np.uint8 | np.uint16] | None = None,
+        into: NDArray[np.uint8 | np.uint16 | np.float16 | np.float32] | None = None,
         at: int | None = None,
     ) -> NDArray[Any]:
         """Pixels (rows, columns, channels) of the part with that ``number``, float32.
 
         ``columns`` and ``rows``: the first one, and the one after the last, in the coordinates of the file. ``into``:
-        an array for them, of the type of whole numbers that the file has; ``at``: the byte of the room where it begins,
-        if it is there. A channel of None is as large as can be.
+        an array for them, of float32, or of the type of whole numbers or half floats that the file has; ``at``: the
+        byte of the room where it begins, if it is there. A channel of None is as large as can be.
         """
         pixels: NDArray[Any] = (
             np.empty((rows[1] - rows[0], columns[1] - columns[0], len(channels)), np.float32) if into is None else into

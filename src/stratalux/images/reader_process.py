@@ -26,6 +26,8 @@ _PARTS = 64
 _CHUNK = 1 << 23
 """Bytes that are decoded before they are sent, about: few enough to stay in the cache, enough for several threads."""
 _THREADS = 8
+_NAMES = {"float16": "half", "float32": "float"}
+"""Of types, where NumPy and OpenImageIO have different ones."""
 _TEXTS = (
     "name",
     "stratalux",
@@ -114,7 +116,8 @@ def _description(spec: oiio.ImageSpec) -> dict[str, Any]:
 
 def pixels(request: dict[str, Any]) -> Any:
     """Rows of the ``channels`` asked for (rows, columns, channels), in the rectangle asked for, of the ``type`` asked
-    for: float (which 32-bit integers become, too), uint8 or uint16. A channel of None is as large as can be.
+    for: float (which 32-bit integers become, too), float32, float16, uint8 or uint16. A channel of None is as large as
+    can be, of whole numbers.
 
     ``columns`` and ``rows``: first and last, less one, in the coordinates of the file.
     """
@@ -124,6 +127,7 @@ def pixels(request: dict[str, Any]) -> Any:
     if source is None or not source.seek_subimage(request["part"], 0):
         raise RuntimeError(_error(oiio.geterror))
     spec, channels, kind = source.spec(), request["channels"], request["type"]
+    kind = _NAMES.get(kind, kind)
     there = [c for c in channels if c is not None]
     first, last = min(there), max(there) + 1
     together = kind != "uint" and (None in channels or last - first <= 2 * len(channels))

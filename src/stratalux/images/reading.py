@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -45,9 +45,14 @@ _ORIENTATIONS = {
 """Of TIFF and Exif: whether rows are columns; then, whether the picture's rows and its columns are in reverse."""
 
 
+Allocate = Callable[[tuple[int, int, int], Any], NDArray[Any]]
+"""From a shape and a type to an array with any content."""
+
+
 @dataclass
 class Image:
-    """What a file holds: linear Rec. 709 ``pixels`` (H, W, 3), float32, as they are, be they finite or not.
+    """What a file holds: linear Rec. 709 ``pixels`` (H, W, 3), as they are, be they finite or not; float32, or float16
+    where that was asked for.
 
     ``said``: what was chosen, left out, converted or repaired on the way, a line each. ``largest``: the largest number
     that the file's own type holds, where that is less than float32 does; what is infinite stands for it.
@@ -55,7 +60,7 @@ class Image:
     ``alpha`` (H, W): where it was asked for and is there; the pixels are multiplied by it.
     """
 
-    pixels: NDArray[np.float32]
+    pixels: NDArray[Any]
     said: list[str] = field(default_factory=list)
     largest: float | None = None
     layout: str | None = None
@@ -71,22 +76,28 @@ def default_memory() -> int:
 
 
 def read_image(
-    path: str | Path, max_memory: int | None = None, reader: Reader | None = None, *, alpha: bool = False
+    path: str | Path,
+    max_memory: int | None = None,
+    reader: Reader | None = None,
+    *,
+    alpha: bool = False,
+    allocate: Allocate | None = None,
 ) -> Image:
     """Read an image file: OpenEXR, Radiance, PFM, TIFF, PNG, JPEG, or whatever else OpenImageIO reads.
 
     ``max_memory``: bytes that the pixels may take, 12 each; half of what the machine has unless given. ``reader``: one
-    to be used for several files; else each has its own. ``alpha``: whether that is read, too. What files say is
-    followed: display and data windows (what is outside of the data is black), layers (see :func:`.layers.choose`),
-    primaries and white point, curves, exposures, orientations. Raises :class:`InputError` with one line if the file is
-    missing, damaged, too large or not an image.
+    to be used for several files; else each has its own. ``alpha``: whether that is read, too. ``allocate``: makes the
+    array of the pixels, of a shape and a type, and with it half floats are left as they are where nothing has to be
+    converted. What files say is followed: display and data windows (what is outside of the data is black), layers (see
+    :func:`.layers.choose`), primaries and white point, curves, exposures, orientations. Raises :class:`InputError` with
+    one line if the file is missing, damaged, too large or not an image.
     """
     path = Path(path)
     most = default_memory() if max_memory is None else max_memory
     with on_one_line(path), nullcontext(reader) if reader is not None else Reader() as process:
         if radiance.is_radiance(path):
-            return read_radiance(path, most, process)
-        return _image(path, most, process, alpha)
+            return read_radiance(path, most, process, allocate)
+        return _image(path, most, process, alpha, allocate)
 
 
 def read_text(path: str | Path, name: str) -> str | None:
@@ -120,8 +131,8 @@ def on_one_line(path: Path, name: str | None = None) -> Iterator[None]:
         raise InputError(f"{name}: cannot be read as an image ({reason[:200]}); copy or export it again") from None
 
 
-def _image(path: Path, most: int, reader: Reader, alpha: bool) -> Image:
-    image, part, choice = read_stored(path, most, reader, alpha)
+def _image(path: Path, most: int, reader: Reader, alpha: bool, allocate: Allocate | None) -> Image:
+    image, part, choice = read_stored(path, most, reader, alpha, allocate)
     attributes, kind = part["attributes"], part["types"][choice.channels[0]]
     if kind in ("uint", "uint32"):
         image.said.append("32-bit integers are taken as they are")
@@ -143,7 +154,9 @@ def _image(path: Path, most: int, reader: Reader, alpha: bool) -> Image:
     return image
 
 
-def read_stored(path: Path, most: int, reader: Reader, alpha: bool = False) -> tuple[Image, dict[str, Any], Choice]:
+def read_stored(
+    path: Path, most: int, reader: Reader, alpha: bool = False, allocate: Allocate | None = None
+) -> tuple[Image, dict[str, Any], Choice]:
     """The picture as it is stored, in its window; the part of the file that it is, and which channels are taken."""
     parts = reader.parts(path)
     if not parts:
@@ -153,15 +166,21 @@ def read_stored(path: Path, most: int, reader: Reader, alpha: bool = False) -> t
     columns, rows, window = _windows(path, part)
     check_size(path, part, window[2:], most)
     with_alpha = [choice.alpha] if alpha and choice.alpha is not None else []
-    pixels = reader.pixels(path, part, choice.part, [*choice.channels, *with_alpha], columns, rows)
+    channels = [*choice.channels, *with_alpha]
+    into = None
+    kinds = {part["types"][channel] for channel in channels}
+    if allocate is not None and not kinds & {"uint", "uint32"}:
+        shape = rows[1] - rows[0], columns[1] - columns[0], len(channels)
+        into = allocate(shape, np.float16 if kinds == {"half"} else np.float32)
+    pixels = reader.pixels(path, part, choice.part, channels, columns, rows, into)
     image = Image(_framed(pixels, columns, rows, window))
     if with_alpha:
         pixels = image.pixels
         image.pixels, image.alpha = np.ascontiguousarray(pixels[..., :-1]), np.ascontiguousarray(pixels[..., -1])
     image.said += [choice.said] if choice.said else []
     image.said += _said_of_windows(part)
-    half = part["types"][choice.channels[0]] == "half"
-    image.largest = float(np.finfo(np.float16).max) if half else None
+    of_half = part["types"][choice.channels[0]] == "half"
+    image.largest = float(np.finfo(np.float16).max) if of_half else None
     return image, part, choice
 
 
@@ -171,7 +190,7 @@ def codes(pixels: NDArray[np.float32], kind: str) -> NDArray[Any]:
     return np.rint(scaled, out=scaled).astype(kind)
 
 
-def read_radiance(path: Path, most: int, reader: Reader) -> Image:
+def read_radiance(path: Path, most: int, reader: Reader, allocate: Allocate | None = None) -> Image:
     """A Radiance picture, see :func:`read_image`."""
     header = radiance.read_header(path)
     size = header.length, header.lines
@@ -183,7 +202,8 @@ def read_radiance(path: Path, most: int, reader: Reader) -> Image:
     else:
         with _standard(path, header) as source:
             part = {"core": 1, "types": ["float"] * 3}
-            pixels = reader.pixels(source, part, 0, [0, 1, 2], (0, size[0]), (0, size[1]))
+            into = None if allocate is None else allocate((size[1], size[0], 3), np.float32)
+            pixels = reader.pixels(source, part, 0, [0, 1, 2], (0, size[0]), (0, size[1]), into)
     if header.gamma != 1:
         decode(pixels, header.gamma)
     if header.factor.min() != 1 or header.factor.max() != 1:
@@ -251,7 +271,7 @@ def _framed(
     x, y, width, height = window
     if pixels.shape[:2] == (height, width):
         return pixels
-    framed = np.zeros((height, width, pixels.shape[2]), dtype=np.float32)
+    framed = np.zeros((height, width, pixels.shape[2]), dtype=pixels.dtype)
     framed[rows[0] - y : rows[1] - y, columns[0] - x : columns[1] - x] = pixels
     return framed
 
@@ -294,6 +314,8 @@ def check_size(path: Path, part: dict[str, Any], size: Sequence[int], most: int)
 
 def to_linear(image: Image, choice: Choice, curve: str | float | None, primaries: Sequence[float] | None) -> None:
     """Make linear Rec. 709 of what the file holds, if there are colours; see :func:`_colour_space`."""
+    if choice.chroma or curve is not None or primaries is not None:
+        image.pixels = image.pixels.astype(np.float32, copy=False)
     if choice.chroma:
         repair_image(image)
         image.pixels = _colours_of_luminance(image.pixels, primaries or REC709)

@@ -30,6 +30,10 @@ def repair(texels: Texels, largest: float | None = None, *, keep_negative: bool 
     """
     if _sound(texels):
         return texels, ""
+    if texels.dtype == np.float16:  # whose largest number is below the limits
+        wide = texels.astype(np.float32)
+        repaired, said = repair(wide, largest or LARGEST_HALF, keep_negative=keep_negative)
+        return (texels if repaired is wide else repaired.astype(np.float16)), said
     finite = np.isfinite(texels)
     nan, infinite = np.isnan(texels), np.isposinf(texels)
     negative = np.isneginf(texels) if keep_negative else texels < 0
@@ -62,6 +66,6 @@ def _sound(texels: Texels) -> bool:
     Taken as integers, infinity and NaN are above all finite numbers, and negative ones above those.
     """
     bits = np.dtype(f"u{texels.dtype.itemsize}")
-    limit = np.array(min(DOUBTFUL, np.finfo(texels.dtype).max), texels.dtype).view(bits)
+    limit = np.array(min(DOUBTFUL, float(np.finfo(texels.dtype).max)), texels.dtype).view(bits)
     blocks = (texels[first : first + _ROWS].view(bits) for first in range(0, len(texels), _ROWS))
     return all(block.max(initial=0) <= limit for block in blocks)

@@ -77,9 +77,18 @@ def looked_up(lookup: Callable[[mi.Bool], mi.Spectrum], active: mi.Bool | bool) 
 
 
 def image_emitter(scene: mi.Scene) -> mi.Emitter | None:
-    """The scene's ``envmap``, or None if there is none (``constant`` and sky models are sampled by Mitsuba itself)."""
+    """The scene's ``envmap``, or ours for large maps (:mod:`.large_map`); None if there is none (``constant`` and sky
+    models are sampled by Mitsuba itself)."""
     emitter = scene.environment()
-    return emitter if emitter is not None and emitter.class_name() == "EnvironmentMapEmitter" else None
+    known = emitter is not None and (emitter.class_name() == "EnvironmentMapEmitter" or hasattr(emitter, "large"))
+    return emitter if known else None
+
+
+def stored_texels(emitter: mi.Emitter) -> NDArray[Any]:
+    """The texels (H, W, C) of an :func:`image_emitter` as it has them, float32 or float16; of an array on the host,
+    without a copy. In spectral variants, they are coefficients."""
+    stored: NDArray[Any] = dr.detach(mi.traverse(emitter)["data"]).numpy()
+    return stored if hasattr(emitter, "large") else stored[:, 1:-1]  # without the halo columns
 
 
 class MapCache(Generic[T]):
@@ -108,7 +117,7 @@ class MapCache(Generic[T]):
             self._tables = self._build(EnvironmentMap(_rgb_texels(emitter)))
             data = mi.traverse(emitter)["data"]
             # References of our own: neither the emitter's address nor the array's index goes to another meanwhile.
-            self._held = emitter, mi.Float(data.array)
+            self._held = emitter, type(data.array)(data.array)
             self._key = _key(emitter, data)
         return MapLight(emitter, self._tables, to_world, scale, derivatives.wanted(scene))
 
@@ -137,10 +146,9 @@ def _key(emitter: mi.Emitter, data: mi.TensorXf) -> tuple[Any, ...]:
     return emitter.ptr, data.array.index, tuple(data.shape)
 
 
-def _rgb_texels(emitter: mi.Emitter) -> NDArray[np.float32]:
+def _rgb_texels(emitter: mi.Emitter) -> NDArray[Any]:
     """What the density should follow, (H, W, 3), from the emitter's own storage; bad texels are repaired there too."""
-    params = mi.traverse(emitter)
-    stored = dr.detach(params["data"]).numpy()
+    stored = stored_texels(emitter)
     if mi.is_spectral:
         # Three coefficients of the upsampling model and a scale; their mean over wavelengths plays the luminance.
         if not np.isfinite(stored).all():
@@ -151,9 +159,20 @@ def _rgb_texels(emitter: mi.Emitter) -> NDArray[np.float32]:
     else:
         repaired, said = repair(stored)
         # Not one that is being learned: whoever does that would learn of another one.
-        if repaired is not stored and not params["data"].array.index_ad:
+        if repaired is not stored and not mi.traverse(emitter)["data"].array.index_ad:
             warnings.warn(f"environment map of the scene: {said}", EnvironmentMapWarning, stacklevel=3)
-            params["data"] = mi.TensorXf(repaired)
-            params.update()
+            store(emitter, repaired)
         stored = repaired
-    return stored[:, 1:-1]  # without the halo columns
+    return stored
+
+
+def store(emitter: mi.Emitter, texels: NDArray[Any]) -> None:
+    """Give an :func:`image_emitter` the texels (H, W, C), of the type that it has."""
+    if not hasattr(emitter, "large"):
+        height, width, channels = texels.shape
+        stored = np.empty((height, width + 2, channels), dtype=np.float32)
+        stored[:, 1:-1], stored[:, 0], stored[:, -1] = texels, texels[:, -1], texels[:, 0]
+        texels = stored
+    params = mi.traverse(emitter)
+    params["data"] = type(params["data"])(texels)
+    params.update()

@@ -6,12 +6,14 @@ import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import EnvironmentMapWarning, InputError
 from ..images.colour import LUMINANCE
+from ..images.half import single
 from ..images.repair import LARGEST_HALF, repair
 from .energy_table import EnergyTable
 from .geometry import row_weights
@@ -20,6 +22,9 @@ from .layouts.guess import about_size
 from .resampling import Sheet, in_latlong
 from .sheets import AUTO, read_sheet
 
+if TYPE_CHECKING:
+    from ..images.reading import Allocate
+
 MIN_HEIGHT, MIN_WIDTH = 3, 2
 """Smaller maps are padded by replication of their edge, as Mitsuba's ``envmap`` does."""
 _ROWS = 16
@@ -27,12 +32,13 @@ _ROWS = 16
 
 @dataclass(frozen=True)
 class EnvironmentMap:
-    """A latitude-longitude map of radiance: ``texels`` (H, W, 3), linear RGB, finite, non-negative, float32.
+    """A latitude-longitude map of radiance: ``texels`` (H, W, 3), linear RGB, finite, non-negative, float32; float16
+    where :meth:`load` was told to leave them so, as rendering does.
 
     Build one with :meth:`from_array` or :meth:`load`, which check and clean; the constructor trusts.
     """
 
-    texels: NDArray[np.float32]
+    texels: NDArray[Any]
 
     @classmethod
     def from_array(cls, array: ArrayLike, name: str = "environment map") -> EnvironmentMap:
@@ -62,7 +68,7 @@ class EnvironmentMap:
         return cls._padded(texels)
 
     @classmethod
-    def _padded(cls, texels: NDArray[np.float32]) -> EnvironmentMap:
+    def _padded(cls, texels: NDArray[Any]) -> EnvironmentMap:
         height, width = texels.shape[:2]
         pad = (max(0, MIN_HEIGHT - height), max(0, MIN_WIDTH - width))
         if any(pad):
@@ -70,16 +76,19 @@ class EnvironmentMap:
         return cls(texels)
 
     @classmethod
-    def load(cls, path: str | Path, *, layout: str = AUTO, max_memory: int | None = None) -> EnvironmentMap:
+    def load(
+        cls, path: str | Path, *, layout: str = AUTO, max_memory: int | None = None, allocate: Allocate | None = None
+    ) -> EnvironmentMap:
         """Read an image file (.exr, .hdr, .pfm, .tif, .png, .jpg, or anything else that OpenImageIO reads).
 
         ``layout``: how the map lies in the image, a name of :data:`.layouts.LAYOUTS`, or ``auto``: as the header or
         the name of the file say (see :func:`.sheets.read_sheet`). Other maps than those of latitude and longitude are
-        resampled. ``max_memory``: bytes that its pixels may take, half of what the machine has unless given. An
-        :class:`EnvironmentMapWarning` says what was chosen, converted or left out. Raises :class:`InputError` if the
-        file is missing, damaged, too large or not an image, or cannot have the layout.
+        resampled. ``max_memory``: bytes that its pixels may take, half of what the machine has unless given.
+        ``allocate``: see :func:`.sheets.read_sheet`. An :class:`EnvironmentMapWarning` says what was chosen, converted
+        or left out. Raises :class:`InputError` if the file is missing, damaged, too large or not an image, or cannot
+        have the layout.
         """
-        sheet, said = read_sheet(path, layout, max_memory)
+        sheet, said = read_sheet(path, layout, max_memory, allocate)
         for line in said:
             warnings.warn(f"{path}: {line}", EnvironmentMapWarning, stacklevel=2)
         return cls.from_sheet(sheet)
@@ -105,7 +114,15 @@ class EnvironmentMap:
     @cached_property
     def luminance(self) -> NDArray[np.float32]:
         """Luminance of each texel, (H, W)."""
-        return self.texels @ LUMINANCE
+        luminance = np.empty((self.height, self.width), dtype=np.float32)
+        for first in range(0, self.height, _ROWS):
+            rows = slice(first, first + _ROWS)
+            np.matmul(single(self.texels[rows]), LUMINANCE, out=luminance[rows])
+        return luminance
+
+    def as_single(self) -> EnvironmentMap:
+        """The same in float32; itself if it is so already."""
+        return self if self.texels.dtype == np.float32 else EnvironmentMap(single(self.texels))
 
     @cached_property
     def energy_table(self) -> EnergyTable:

@@ -11,11 +11,14 @@ from __future__ import annotations
 
 from functools import cache, lru_cache
 from math import factorial
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import leg2poly, leggauss, legval
 from numpy.polynomial.polynomial import polyder
 from numpy.typing import NDArray
+
+from ..images.half import single
 
 DEGREES = (0, 1, 2, 4, 6)
 """Of the other odd degrees, the clamped cosine has nothing."""
@@ -47,7 +50,7 @@ def clamped_cosine() -> _Float:
     return np.asarray(leg2poly(series), dtype=np.float64)
 
 
-def irradiance_coefficients(texels: NDArray[np.float32]) -> dict[int, _Float]:
+def irradiance_coefficients(texels: NDArray[Any]) -> dict[int, _Float]:
     """A_l L_lm of a map (H, W, C), each (C,), by the index l (l + 1) + m of the real harmonic; exact.
 
     The radiance is that of the lookup, bilinear between texels (see :mod:`.maps.geometry`), and so its integrals
@@ -59,7 +62,7 @@ def irradiance_coefficients(texels: NDArray[np.float32]) -> dict[int, _Float]:
     whole = width * channels // _COLUMNS * _COLUMNS
     for first in range(0, height, _ROWS):
         weights = rows[:, first : first + _ROWS]
-        block = texels[first : first + _ROWS].reshape(-1, width * channels)
+        block = single(texels[first : first + _ROWS]).reshape(-1, width * channels)
         parts = block[:, :whole].reshape(len(block), -1, _COLUMNS).swapaxes(0, 1)
         by_column[:, :whole] += (weights @ parts).swapaxes(0, 1).reshape(len(_PAIRS), whole)
         by_column[:, whole:] += weights @ block[:, whole:]
@@ -78,7 +81,7 @@ def irradiance_coefficients(texels: NDArray[np.float32]) -> dict[int, _Float]:
     return result
 
 
-def irradiance(texels: NDArray[np.float32], normal: NDArray[np.float64]) -> _Float:
+def irradiance(texels: NDArray[Any], normal: NDArray[np.float64]) -> _Float:
     """E(n) = ∫ L(ω) max(0, n·ω) dω of a map (H, W, C) for one ``normal`` of its frame, (C,).
 
     The cosine is the real one. By the midpoint rule between texels, where the radiance is bilinear; exact to 10⁻⁵ of
@@ -97,7 +100,8 @@ def irradiance(texels: NDArray[np.float32], normal: NDArray[np.float64]) -> _Flo
         cells = (np.maximum(normal[1] * cos_θ + sin_θ * around, 0) * sin_θ).reshape(nodes, width, nodes)
         left = cells @ (1 - t)
         weights = left + np.roll(cells.sum(axis=2) - left, 1, axis=1)  # of each column, (nodes, W)
-        E += ((1 - t) @ weights) @ texels[first] + (t @ weights) @ texels[first + 1]
+        upper, lower = single(texels[first : first + 2])
+        E += ((1 - t) @ weights) @ upper + (t @ weights) @ lower
     return E * step * (2 * np.pi / width / nodes)
 
 

@@ -18,19 +18,22 @@ from .layouts.guess import about_size, check_size, face_files, guessed
 from .resampling import Sheet
 
 if TYPE_CHECKING:
-    from ..images.reading import Image
+    from ..images.reading import Allocate, Image
 
 AUTO = "auto"
 LINEAR_SUFFIXES = (".exr", ".hdr", ".pfm", ".tif", ".tiff")
 _LARGEST_HALF = 65504.0
 
 
-def read_sheet(path: str | Path, layout: str = AUTO, max_memory: int | None = None) -> tuple[Sheet, list[str]]:
+def read_sheet(
+    path: str | Path, layout: str = AUTO, max_memory: int | None = None, allocate: Allocate | None = None
+) -> tuple[Sheet, list[str]]:
     """The map in a file, as it lies there, and what there is to say of it, a line each.
 
     ``layout``: a name of :data:`.LAYOUTS`; ``auto``: that of the header, else of the name (see :func:`.guessed`), else
-    latitude and longitude. Six files are read by the name of one of them. Raises :class:`InputError` as
-    :func:`..images.reading.read_image`, for a size that the layout cannot have, and for faces that are missing.
+    latitude and longitude. Six files are read by the name of one of them. ``allocate``: see
+    :func:`..images.reading.read_image`; half floats stay in maps of latitude and longitude. Raises :class:`InputError`
+    as that does, for a size that the layout cannot have, and for faces that are missing.
     """
     from ..images.reader import Reader  # not before a file is read
     from ..images.reading import read_image
@@ -39,7 +42,7 @@ def read_sheet(path: str | Path, layout: str = AUTO, max_memory: int | None = No
     if layout not in (AUTO, *LAYOUTS):
         raise InputError(f"env_layout: '{layout}' is unknown; use one of {', '.join((AUTO, *LAYOUTS))}")
     with Reader() as reader:
-        return _read(path, layout, partial(read_image, max_memory=max_memory, reader=reader))
+        return _read(path, layout, partial(read_image, max_memory=max_memory, reader=reader, allocate=allocate))
 
 
 def _read(path: Path, layout: str, read: Callable[[Path], Image]) -> tuple[Sheet, list[str]]:
@@ -79,11 +82,13 @@ def _six(path: Path, image: Image, said: list[str], read: Callable[[Path], Image
             size = f"{pixels.shape[1]}x{pixels.shape[0]}"
             raise InputError(f"{file}: {size} is not the size of {path.name}; export it again")
         faces.append(pixels)
-    return Sheet(FACES, np.stack(faces)), said
+    return Sheet(FACES, np.stack(faces).astype(np.float32, copy=False)), said
 
 
 def unpacked(image: NDArray[np.float32], layout: Layout) -> Sheet:
-    """The faces of an ``image`` (H, W, 3) that has the ``layout``."""
+    """The faces of an ``image`` (H, W, 3) that has the ``layout``; of latitude and longitude, it is one itself."""
+    if layout is LATLONG:
+        return Sheet(layout, image[None])
     rows, columns = layout.grid
     height, width = image.shape[0] // rows, image.shape[1] // columns
     texels = np.empty((layout.faces, height, width, 3), dtype=np.float32)

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 _PROVISIONAL = re.compile(r"\bsampler = \w+\[[^\]]*\],?|\b(?:filename|name|id) = \"[^\"]*\",?|0x[0-9a-fA-F]+")
 """Parts of a scene's description that do not change what it looks like: samplers, names, addresses."""
@@ -16,7 +17,7 @@ _PROVISIONAL = re.compile(r"\bsampler = \w+\[[^\]]*\],?|\b(?:filename|name|id) =
 class Digest(Protocol):
     """A hash that is fed, as :mod:`hashlib` has them."""
 
-    def update(self, data: bytes, /) -> None: ...
+    def update(self, data: bytes | memoryview, /) -> None: ...
 
 
 def add_parameters(digest: Digest, scene: mi.Scene, wanted: Callable[[str], bool] = lambda name: True) -> None:
@@ -24,8 +25,8 @@ def add_parameters(digest: Digest, scene: mi.Scene, wanted: Callable[[str], bool
     camera, the film's size."""
     parameters = mi.traverse(scene)
     for name in sorted(filter(wanted, parameters.keys())):
-        content = _bytes(parameters[name])
-        digest.update(f"\n{name} {len(content)} ".encode())
+        head, content = _bytes(parameters[name])
+        digest.update(f"\n{name} {len(head) + len(content)} ".encode() + head)
         digest.update(content)
 
 
@@ -43,14 +44,14 @@ def structure(*things: mi.Object) -> str:
     return _PROVISIONAL.sub("", "".join(map(str, things)))
 
 
-def _bytes(value: Any) -> bytes:
-    """The content of a parameter of any type: Dr.Jit's arrays, transforms, and plain numbers."""
+def _bytes(value: Any) -> tuple[bytes, bytes | memoryview]:
+    """What a parameter of any type is, Dr.Jit's arrays, transforms, and plain numbers, and its content: not a copy."""
     if hasattr(type(value), "matrix"):  # of the value itself, it would be a swizzle of a vector's components
         value = value.matrix
     if not hasattr(value, "numpy"):
-        return repr(value).encode()
-    array = dr.detach(value).numpy()
-    return f"{array.dtype}{array.shape}".encode() + array.tobytes()
+        return b"", repr(value).encode()
+    array = np.ascontiguousarray(dr.detach(value).numpy())
+    return f"{array.dtype}{array.shape}".encode(), array.reshape(-1).view(np.uint8).data
 
 
 def differences(one: Any, other: Any, name: str = "") -> Iterator[tuple[str, Any, Any]]:

@@ -28,14 +28,14 @@ from ..integrators.launches import Maker, here
 from ..integrators.sums import Memory
 from ..integrators.techniques import Value
 from ..scenes.camera import own_camera
-from ..scenes.load import Loaded, load
+from ..scenes.load import Loaded
 from ..scenes.metering import incident_light
 from ..scenes.sources import sources
 from ..scenes.surroundings import object_pixels
 from ..settings import documented
 from .checkpoint import Checkpoint, identity_of
 from .cluster import check_packages
-from .ready import ready
+from .ready import loaded_for, ready
 from .settings import (
     GROUPS,
     METADATA,
@@ -231,7 +231,7 @@ def render_passes(
     processes = _processes(picture) if integrator is None else None
     try:
         with sources() as files:
-            loaded = load(shown, picture.camera, picture.machine.max_memory)
+            loaded = loaded_for(picture)
         passes = _render_passes(loaded, files, picture, integrator, resume, processes)
     except BaseException:
         if processes is not None:

@@ -12,9 +12,11 @@ import mitsuba as mi
 import numpy as np
 
 from ..errors import InputError, SceneWarning
+from ..integrators import mitsuba_own
+from ..integrators.large_map import as_mitsuba_has_them
 from ..integrators.sums import UNLIMITED
 from ..integrators.techniques import Technique, Value, parse_technique
-from ..scenes.load import Loaded
+from ..scenes.load import Loaded, load
 from ..scenes.mitsuba_xml import DIRECT, dark_behind
 from .settings import USUAL_DEPTH, PictureSettings, SamplingSettings
 from .steps import Steps
@@ -36,6 +38,14 @@ class Ready:
     rays_per_sample: int
     spp: int
     preparation_seconds: float
+
+
+def loaded_for(picture: PictureSettings) -> Loaded:
+    """The scene of a ``picture``; with integrators of Mitsuba's, maps have Mitsuba's emitter."""
+    assert picture.scene is not None
+    technique = (picture.sampling.technique or "").partition(":")[0]
+    with as_mitsuba_has_them(technique in {own.name for own in mitsuba_own.TECHNIQUES}):
+        return load(picture.scene, picture.camera, picture.machine.max_memory)
 
 
 def ready(loaded: Loaded, picture: PictureSettings, integrator: mi.Integrator | None = None) -> Ready:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -10,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.colour import LUMINANCE
+from ..images.half import single
+from ..maps.energy_table import EnergyTable
 from ..maps.envmap import EnvironmentMap
 from ..maps.regions import Regions
 from .leaves import added_luminance, cut_regions
@@ -33,21 +36,29 @@ _SUN = 0.95
 class LeafSampler:
     """Draws directions with a density that is constant, per du dv, in each of 2^depth leaves of equal energy.
 
-    A leaf takes 16 bytes. The table is made once, for the variant that is active at construction.
+    A leaf takes 16 bytes. The table is made once, for the variant that is active at construction. ``table``: energies
+    to be followed in place of the map's own.
     """
 
-    def __init__(self, environment: EnvironmentMap, depth: int | None = None, regions: Regions | None = None) -> None:
+    def __init__(
+        self,
+        environment: EnvironmentMap,
+        depth: int | None = None,
+        regions: Regions | None = None,
+        table: EnergyTable | None = None,
+    ) -> None:
+        table = environment.energy_table if table is None else table
         trees = 1 if regions is None else len(regions)
         if depth is None:
             depth = max(DEPTH - (trees > _MANY_REGIONS) - (trees - 1).bit_length(), 0)
         self.depth, self.count = depth, trees << depth
-        self.energy = environment.energy_table.total
+        self.energy = table.total
         """∫ luminance dω over the sphere."""
         self.total = dr.opaque(mi.Float, self.energy)
         """The same for kernels, which are none of their own for each map."""
         self.spared = dr.opaque(mi.Float, 0.0)
         """Luminance that it leaves to samples of the BSDF, of the map as it is."""
-        bounds = cut_regions(environment.energy_table, None if regions is None else regions.bounds, depth)
+        bounds = cut_regions(table, None if regions is None else regions.bounds, depth)
         x0, y0, x1, y1 = dr.gather(mi.Vector4d, bounds, dr.arange(mi.UInt32, self.count))
         across, down = dr.opaque(mi.Float64, environment.width), dr.opaque(mi.Float64, environment.height - 1)
         # u of texel j is (j + ½) / W.
@@ -91,15 +102,14 @@ class BrightLeafSampler(LeafSampler):
     """
 
     def __init__(self, environment: EnvironmentMap) -> None:
-        luminance = environment.texels @ LUMINANCE
         mean = environment.energy_table.total / (4 * np.pi)
-        self.sunny = _gathered(np.maximum(luminance - np.float32(mean), 0)) > _SUN
+        gathered, brightest = _seen(environment.texels, mean)
+        self.sunny = gathered > _SUN
         """Whether nearly all light beyond the mean comes from one direction."""
         share = _SPARED_IN_THE_SUN if self.sunny else _SPARED
         # One that is nowhere brighter than its mean is left to them altogether: they find it without noise.
-        spared = mean * (share if luminance.max() > mean * (1 + _EVEN) else 1 + _EVEN)
-        bright = np.maximum(luminance - np.float32(spared), 0)
-        super().__init__(EnvironmentMap(np.broadcast_to(bright[..., None], environment.texels.shape)))
+        spared = mean * (share if brightest > mean * (1 + _EVEN) else 1 + _EVEN)
+        super().__init__(environment, table=EnergyTable.build(environment.texels, spared))
         self.spared = dr.opaque(mi.Float, spared)
         self.mean = dr.opaque(mi.Float, mean)
         """Luminance of the map as it is, over all directions."""
@@ -108,14 +118,19 @@ class BrightLeafSampler(LeafSampler):
         return *super().arrays(), self.mean
 
 
-def _gathered(luminance: NDArray[np.float32]) -> float:
-    """Length of the mean direction of such light (H, W): 1 if all of it comes from one, 0 if from everywhere."""
-    height, width = luminance.shape
-    θ, φ = np.pi * np.arange(height) / (height - 1), 2 * np.pi * (np.arange(width) + 0.5) / width
-    rows = luminance @ np.stack([np.ones(width), np.sin(φ), np.cos(φ)], axis=1).astype(np.float32)
-    total, x, z = np.sin(θ) @ (rows * np.stack([np.ones(height), np.sin(θ), np.sin(θ)], axis=1))
-    y = np.sin(θ) @ (rows[:, 0] * np.cos(θ))
-    return float(np.linalg.norm([x, y, z]) / total) if total > 0 else 0.0
+def _seen(texels: NDArray[Any], mean: float) -> tuple[float, float]:
+    """Of what is brighter than the ``mean`` in a map (H, W, 3), the length of its mean direction: 1 if all of it comes
+    from one, 0 if from everywhere; and the luminance of the brightest texel."""
+    height, width = texels.shape[:2]
+    φ, θ = 2 * np.pi * (np.arange(width) + 0.5) / width, np.pi * np.arange(height) / (height - 1)
+    around = np.stack([np.ones(width), np.sin(φ), np.cos(φ)], axis=1).astype(np.float32)
+    sums, brightest = np.zeros(4), 0.0
+    for row, angle in zip(texels, θ, strict=True):
+        luminance = single(row) @ LUMINANCE
+        brightest = max(brightest, float(luminance.max()))
+        light, x, z = np.sin(angle) * (np.maximum(luminance - np.float32(mean), 0) @ around)
+        sums += light, x * np.sin(angle), light * np.cos(angle), z * np.sin(angle)
+    return (float(np.linalg.norm(sums[1:]) / sums[0]) if sums[0] > 0 else 0.0), brightest
 
 
 class RegionLeafSampler(LeafSampler):

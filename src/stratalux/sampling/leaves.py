@@ -58,9 +58,11 @@ def cut_regions(table: EnergyTable, bounds: NDArray[np.int64] | None, depth: int
         return mi.Float64(roots[:, :4].ravel())
     count = len(roots)
     nodes = mi.Float64(roots.ravel())
-    sums, profile = mi.Float64(table.sums.ravel()), mi.Float64(_profile(table).ravel())
+    kind = mi.UInt32 if table.sums.dtype == np.uint32 else mi.Float64
+    sums, profile = kind(table.sums.ravel()), mi.Float64(_profile(table).ravel())
     floor, height, width = mi.Float64(added_luminance(table)), mi.UInt32(table.height), mi.UInt32(table.width)
-    dr.make_opaque(nodes, floor, height, width)
+    unit = mi.Float64(table.unit)
+    dr.make_opaque(nodes, floor, height, width, unit)
     while depth:
         levels = min(_WALK if count << _WALK <= _FEW else 1, depth)
         count <<= levels
@@ -69,7 +71,7 @@ def cut_regions(table: EnergyTable, bounds: NDArray[np.int64] | None, depth: int
         halves = dr.empty(mi.Float64, 2 * (_NODE if depth else 4) * len(lane))
         used, steps = mi.UInt32(count // 2), mi.UInt32(levels)
         dr.make_opaque(lane, used, steps)
-        _cut(sums, profile, floor, height, width, nodes, halves, lane, used, steps, depth == 0)
+        _cut(sums, unit, profile, floor, height, width, nodes, halves, lane, used, steps, depth == 0)
         nodes = halves
     return nodes
 
@@ -107,10 +109,16 @@ class _Axes:
     """The axis along which each lane cuts, and the other one. Positions are in cells, entries in those of the table."""
 
     def __init__(
-        self, sums: mi.Float64, profile: mi.Float64, height: mi.UInt32, width: mi.UInt32, vertical: mi.Bool
+        self,
+        sums: mi.Float64 | mi.UInt32,
+        unit: mi.Float64,
+        profile: mi.Float64,
+        height: mi.UInt32,
+        width: mi.UInt32,
+        vertical: mi.Bool,
     ) -> None:
         stride = width + 3
-        self.sums, self.profile, self.columns, self.vertical = sums, profile, height + 2, vertical
+        self.sums, self.unit, self.profile, self.columns, self.vertical = sums, unit, profile, height + 2, vertical
         self.step, self.across = dr.select(vertical, 1, stride), dr.select(vertical, stride, 1)
         self.last = dr.select(vertical, width - 1, height - 2)
         self._last_across = dr.select(vertical, height - 2, width - 1)
@@ -137,9 +145,14 @@ class _Axes:
         before = dr.select(
             self.vertical, mi.Float64(k), dr.gather(mi.Float64, self.profile, _PROFILE * k + 3, ~self.vertical)
         )
-        energy = dr.fma(p2, dr.gather(mi.Float64, self.sums, at + 2 * self.across), floor * before)
-        energy = dr.fma(p1, dr.gather(mi.Float64, self.sums, at + self.across), energy)
-        return dr.fma(p0, dr.gather(mi.Float64, self.sums, at), energy)
+        energy = dr.fma(p2, self.sum(at + 2 * self.across), floor * before)
+        energy = dr.fma(p1, self.sum(at + self.across), energy)
+        return dr.fma(p0, self.sum(at), energy)
+
+    def sum(self, at: mi.UInt32) -> mi.Float64:
+        """An entry of the table."""
+        found = dr.gather(type(self.sums), self.sums, at)
+        return found if dr.is_float_v(found) else mi.Float64(found) * self.unit
 
 
 def passed(a: mi.Float64, b: mi.Float64, c: mi.Float64, t: mi.Float64) -> tuple[mi.Float64, mi.Float64]:
@@ -150,7 +163,8 @@ def passed(a: mi.Float64, b: mi.Float64, c: mi.Float64, t: mi.Float64) -> tuple[
 @recorded
 @dr.syntax
 def _cut(
-    sums: mi.Float64,
+    sums: mi.Float64 | mi.UInt32,
+    unit: mi.Float64,
     profile: mi.Float64,
     floor: mi.Float64,
     height: mi.UInt32,
@@ -178,7 +192,7 @@ def _cut(
         todo -= 1
         across = 2 * (x1 - x0) / mi.Float64(width) * dr.sin(dr.pi * (y0 + y1) / (2 * (mi.Float64(height) - 1)))
         vertical = across >= (y1 - y0) / (mi.Float64(height) - 1)
-        axes = _Axes(sums, profile, height, width, vertical)
+        axes = _Axes(sums, unit, profile, height, width, vertical)
         start, stop = dr.select(vertical, x0, y0), dr.select(vertical, x1, y1)
         upper = axes.end(dr.select(vertical, y0, x0), floor)
         lower = axes.end(dr.select(vertical, y1, x1), floor)

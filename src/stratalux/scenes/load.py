@@ -11,11 +11,11 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..images.repair import LIMIT
-from ..integrators.environment import image_emitter
+from ..integrators.environment import image_emitter, store
+from ..integrators.large_map import Memory, is_large, large_envmap, there
 from ..maps.envmap import EnvironmentMap
 from ..maps.frames import ENV_FRAMES
 from ..maps.layouts.guess import face_files
@@ -78,16 +78,18 @@ class Loaded:
 
 def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = None) -> Loaded:
     """The same from settings, with what the file says that is no part of a scene; see :func:`load_scene`."""
-    environment = shown.environment
+    environment, memory = shown.environment, None
     if shown.source != "demo":
         source(Path(shown.source))
     if isinstance(environment, str):
         for file in (Path(environment), *face_files(Path(environment))):
             source(file)
-        environment = EnvironmentMap.load(environment, layout=shown.env_layout, max_memory=max_memory)
-    # Mitsuba takes more memory and time for a bitmap than for texels that are put in the place of others.
-    later = environment is not None and not (mi.is_spectral or mi.is_monochromatic)
-    emitter = None if environment is None else envmap(_placeholder() if later else environment)
+        memory = Memory()
+        environment = EnvironmentMap.load(
+            environment, layout=shown.env_layout, max_memory=max_memory, allocate=memory.allocate if there() else None
+        )
+    emitter, later = (None, False) if environment is None else _emitter(environment, memory)
+    memory = None
     path, size = Path(shown.source), camera.size or USUAL_SIZE
     suffix = path.suffix.lower()
     integrator: dict[str, Any] | None = None
@@ -103,8 +105,7 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
     elif suffix == ".xml":
         if shown.ground is not None:
             raise InputError("ground: a Mitsuba scene has what it stands on; leave it out")
-        bitmap = emitter and emitter["bitmap"]
-        scene, integrator = load_xml(path, bitmap, camera.size, shown.definitions, max_memory)
+        scene, integrator = load_xml(path, emitter, camera.size, shown.definitions, max_memory)
         chosen = own_camera(camera, scene)
     elif suffix in FORMATS:
         found = load_object(path, shown.up)
@@ -115,9 +116,9 @@ def load(shown: SceneSettings, camera: CameraSettings, max_memory: int | None = 
         known = ", ".join((".xml", *sorted(FORMATS)))
         raise InputError(f"{path}: unknown kind of scene; give {known}, or demo")
     if later and environment is not None:
-        texels = _stored(environment)
-        environment = None  # or there would be two of them
-        _put(scene, texels)
+        store(_image_emitter(scene), environment.as_single().texels)
+        dr.flush_malloc_cache()
+    environment = None  # or there would be two of them, where it was copied
     _orient(scene, shown.rotate, shown.scale, ENV_FRAMES[shown.env_frame])
     properties = _properties(scene, shown, chosen, below == "catcher", max_memory)
     return Loaded(scene, integrator, chosen, measure, properties)
@@ -157,7 +158,7 @@ def _dome(path: Path, found: Object, max_memory: int | None) -> dict[str, Any] |
 
 def _usual_ground(emitter: dict[str, Any] | None) -> str:
     """Shadows are caught where it is known, in RGB, what would be there without them."""
-    return "catcher" if emitter is not None and emitter["type"] == "envmap" and not mi.is_spectral else "matte"
+    return "catcher" if emitter is not None and emitter["type"] != "constant" and not mi.is_spectral else "matte"
 
 
 def _of_object(
@@ -186,31 +187,26 @@ def _of_object(
 
 
 def envmap(environment: EnvironmentMap) -> dict[str, Any]:
-    """The Mitsuba emitter of a map, as a dictionary."""
-    return {"type": "envmap", "bitmap": mi.Bitmap(environment.texels)}
+    """Mitsuba's own emitter of a map, as a dictionary."""
+    return {"type": "envmap", "bitmap": mi.Bitmap(environment.as_single().texels)}
 
 
-def _placeholder() -> EnvironmentMap:
-    return EnvironmentMap(np.ones((3, 4, 3), dtype=np.float32))
+def _emitter(environment: EnvironmentMap, memory: Memory | None) -> tuple[dict[str, Any], bool]:
+    """The emitter of a map, and whether it has another one's texels yet.
+
+    Mitsuba takes more memory and time for a bitmap than for texels that are put in the place of others.
+    """
+    if is_large(environment):
+        return large_envmap(environment.texels, memory), False
+    if mi.is_spectral or mi.is_monochromatic:
+        return envmap(environment), False
+    return envmap(EnvironmentMap(np.ones((3, 4, 3), dtype=np.float32))), True
 
 
-def _stored(environment: EnvironmentMap) -> NDArray[np.float32]:
-    """Texels as Mitsuba's emitter has them, with one more column on either side."""
-    texels = environment.texels
-    stored = np.empty((environment.height, environment.width + 2, 3), dtype=np.float32)
-    stored[:, 1:-1], stored[:, 0], stored[:, -1] = texels, texels[:, -1], texels[:, 0]
-    return stored
-
-
-def _put(scene: mi.Scene, texels: NDArray[np.float32]) -> None:
-    """Give the map of a scene these texels."""
+def _image_emitter(scene: mi.Scene) -> mi.Emitter:
     emitter = image_emitter(scene)
     assert emitter is not None
-    params = mi.traverse(emitter)
-    params["data"] = mi.TensorXf(texels)
-    params.update()
-    del params
-    dr.flush_malloc_cache()
+    return emitter
 
 
 def _orient(scene: mi.Scene, rotate: tuple[float, float, float], scale: float, turn: float) -> None:
@@ -228,7 +224,7 @@ def _orient(scene: mi.Scene, rotate: tuple[float, float, float], scale: float, t
     kind = type(params["to_world"])
     params["to_world"] = kind(rotation.matrix) @ params["to_world"] @ kind(frame.matrix)
     params["scale"] = params["scale"] * scale
-    if scale > _LARGE and np.abs(params["data"].numpy()).max() * float(dr.slice(params["scale"], 0)) > LIMIT:
+    if scale > _LARGE and float(params["data"].numpy().max()) * float(dr.slice(params["scale"], 0)) > LIMIT:
         raise InputError(f"brightness of the map: {scale:g} times it is more than can be reckoned with; give less")
     params.update()
     dr.eval(params["to_world"], params["scale"])

@@ -13,7 +13,7 @@ from ..errors import InputError, SceneWarning
 from ..images.files import one_line
 from .settings import MOST_PIXELS, check_source
 from .xml_checks import check_filters, check_objects, check_text
-from .xml_images import read_images
+from .xml_images import in_place_of, read_images
 
 ENVIRONMENT_PLUGINS = ("envmap", "constant", "sunsky", "sky", "sun")
 
@@ -31,14 +31,14 @@ _WRAPPERS = ("BumpMap", "NormalMap")
 
 def load_xml(
     path: Path,
-    environment: Any,
+    environment: dict[str, Any] | None,
     size: tuple[int, int] | None,
     parameters: Mapping[str, str],
     max_memory: int | None = None,
 ) -> tuple[mi.Scene, dict[str, Any] | None]:
     """Load a scene; with it, its integrator: ``direct`` or ``path`` with what its settings mean, None without one.
 
-    ``environment``: bitmap of a map that replaces the scene's own. ``size``: of the film in pixels. ``max_memory``: see
+    ``environment``: emitter that replaces the scene's own map. ``size``: of the film in pixels. ``max_memory``: see
     :func:`.xml_images.read_images`.
     Warns with a :class:`SceneWarning` of what the file asks for and is not shown. Raises :class:`InputError`.
     """
@@ -134,17 +134,10 @@ def _see_through(bsdf: mi.BSDF | None, flags: int) -> Iterator[str]:
         yield bsdf.class_name()
 
 
-def _put_environment(state: mi.parser.ParserState, bitmap: mi.Bitmap) -> None:
+def _put_environment(state: mi.parser.ParserState, emitter: dict[str, Any]) -> None:
     """Replace the environment emitter of a parsed scene, keeping its orientation and scale, or add one."""
     for node in state.nodes:
         if node.type == mi.ObjectType.Emitter and node.props.plugin_name() in ENVIRONMENT_PLUGINS:
-            props = mi.Properties("envmap")
-            props.set_id(node.props.id())
-            if node.props.plugin_name() == "envmap":
-                for name in ("to_world", "scale", "mis_compensation"):
-                    if name in node.props:
-                        props[name] = node.props[name]
-            props["bitmap"] = bitmap
-            node.props = props
+            node.props = in_place_of(node.props, emitter)
             return
-    state.root.props["environment"] = mi.load_dict({"type": "envmap", "bitmap": bitmap})
+    state.root.props["environment"] = mi.load_dict(emitter)

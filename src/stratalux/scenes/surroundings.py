@@ -13,9 +13,10 @@ import numpy.typing as npt
 from numpy.typing import NDArray
 
 from ..errors import InputError, SceneWarning
+from ..images.half import single
 from ..images.reading import read_image
 from ..images.repair import repair
-from ..integrators.environment import image_emitter
+from ..integrators.environment import image_emitter, stored_texels
 from ..maps.blur import blurred
 from .settings import colour_of
 from .sources import source
@@ -49,7 +50,7 @@ def _blurred(scene: mi.Scene, degrees: float) -> Any:
     if emitter is None:
         raise InputError("background blur: the scene has no environment map; give one with --env MAP")
     params = mi.traverse(emitter)
-    texels = blurred(np.ascontiguousarray(params["data"].numpy()[:, 1:-1, :3]), degrees)
+    texels = blurred(np.ascontiguousarray(single(stored_texels(emitter)[..., :3])), degrees)
     made = mi.load_dict({"type": "envmap", "bitmap": mi.Bitmap(texels)})
     turned = mi.traverse(made)
     turned["to_world"], turned["scale"] = params["to_world"], params["scale"]

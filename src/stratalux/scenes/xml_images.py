@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import mitsuba as mi
 
 from ..errors import SceneWarning
 from ..images.reader import Reader
 from ..images.textures import read_texture
+from ..integrators.large_map import Memory, is_large, large_envmap, there
 from ..maps.envmap import EnvironmentMap
 
 
@@ -27,7 +30,13 @@ def read_images(state: mi.parser.ParserState, max_memory: int | None = None) -> 
                 continue  # Mitsuba says what is wrong
             path = Path(str(mi.file_resolver().resolve(props["filename"])))
             if kind == "envmap":
-                bitmap = mi.Bitmap(EnvironmentMap.load(path, max_memory=max_memory).texels)
+                memory = Memory()
+                allocate = memory.allocate if there() else None
+                environment = EnvironmentMap.load(path, max_memory=max_memory, allocate=allocate)
+                if is_large(environment):
+                    node.props = in_place_of(props, large_envmap(environment.texels, memory))
+                    continue
+                bitmap = mi.Bitmap(environment.as_single().texels)
             else:
                 if path not in textures:
                     textures[path] = _texture(path, max_memory, reader)
@@ -35,6 +44,20 @@ def read_images(state: mi.parser.ParserState, max_memory: int | None = None) -> 
                 bitmap = mi.Bitmap(textures[path])
             del props["filename"]
             props["bitmap"] = bitmap
+
+
+def in_place_of(props: mi.Properties, emitter: Mapping[str, Any]) -> mi.Properties:
+    """Those of another ``emitter``, as a dictionary has it, with the orientation and the scale of an ``envmap``."""
+    made = mi.Properties(emitter["type"])
+    made.set_id(props.id())
+    if props.plugin_name() == "envmap":
+        for name in ("to_world", "scale", *(["mis_compensation"] if emitter["type"] == "envmap" else [])):
+            if name in props:
+                made[name] = props[name]
+    for name, value in emitter.items():
+        if name != "type":
+            made[name] = value
+    return made
 
 
 def _texture(path: Path, max_memory: int | None, reader: Reader) -> mi.Bitmap:

@@ -22,10 +22,10 @@ from distributed import WorkerPlugin
 from ...errors import InputError
 from ...integrators.launches import Arrays, Launch, together
 from ...sampling.recording import nobody_else_renders
-from ...scenes.load import Loaded, load
+from ...scenes.load import Loaded
 from ..checkpoint import identity_of
 from ..identity import differences
-from ..ready import ready
+from ..ready import loaded_for, ready
 from ..settings import PictureSettings
 from ..steps import Steps
 from ..variants import choose_variant
@@ -115,13 +115,12 @@ def _made(job: Job, files: Mapping[str, bytes], stage: str, known: Mapping[str, 
 def _scene(picture: PictureSettings) -> Loaded:
     """That of a picture, whether it was loaded ahead or not."""
     global _ahead
-    assert picture.scene is not None
     key = picture.scene, picture.camera, picture.machine
     ahead, _ahead = _ahead, None
     if ahead is not None and ahead[0] == key:
         return ahead[1]
     choose_variant(picture.machine.variant)
-    return load(picture.scene, picture.camera, picture.machine.max_memory)
+    return loaded_for(picture)
 
 
 def _load_ahead(picture: str) -> None:
