@@ -729,6 +729,7 @@ def test_a_few_samples_less_than_asked_for_are_no_interruption() -> None:
         error=None,
         enough=False,
         share=63 / 64,
+        work={"": (63, 64)},
         workers="",
     )
     assert watch(lambda: iter([done]), None, quiet=True) == Watched(done, 0, "")

@@ -23,6 +23,7 @@ SPOTS = (
 def _always(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("FEW", "FEW_MATTE", "FEW_DETAILED", "FEW_IN_THE_SUN"):
         monkeypatch.setattr(f"stratalux.integrators.indirect.whole.{name}", 1 << 30)
+    monkeypatch.setattr("stratalux.integrators.indirect.whole.PLANNED", 0)
     monkeypatch.setattr("stratalux.integrators.path_stratified.FEW_IN_THE_SUN", 1 << 30)
     monkeypatch.setattr("stratalux.integrators.indirect.sharing.ENCLOSED", 2)
 

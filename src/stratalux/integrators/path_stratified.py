@@ -193,7 +193,7 @@ class PathStratified(Automatic):
         if not enclosed and (whole := self._whole(scene, sensor, spp, light)):
             own, many = memory.setdefault("whole", {}), spp * EACH
             view: View = View(whole, None, self._most(sensor, own, many))
-            pilot = pilot_whole(spp)
+            pilot = pilot_whole(spp, view.pixels)
             if even := pilot == many:
                 pilot = view.first(many)
             return {"whole": TwoStages(view, pilot, many, opaque_seed(seed), dim, own, even=even)}

@@ -10,6 +10,7 @@ import pytest
 
 import stratalux
 from tests.helpers import scene_dict
+from tests.variants import BACKEND
 
 OURS = {"type": "direct_stratified"}
 
@@ -149,6 +150,7 @@ def test_a_bsdf_that_belongs_to_no_scene(found: bool, monkeypatch: pytest.Monkey
     stray, integrator = mi.load_dict({"type": "roughplastic"}), mi.load_dict(OURS)
     beside = mi.render(scene, integrator=integrator, spp=16, seed=1).numpy()
     del stray
-    np.testing.assert_array_equal(beside, alone)
+    # With one more kind of BSDF, a GPU's compiler may round elsewhere.
+    np.testing.assert_allclose(beside, alone, rtol=0 if BACKEND == "llvm" else 1e-5)
     (launcher,) = integrator._launchers.values()
     assert (launcher._recorded[launcher._samples] != launcher._samples) == found

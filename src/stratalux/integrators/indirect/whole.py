@@ -32,8 +32,11 @@ _RAYS_IN_THE_SUN, _PROPOSALS_IN_THE_SUN = 3, 1
 """The same under one sun: as many rays at most."""
 _LEVEL = 0.35
 """Of the map's mean: what other surfaces send, about."""
-PLANNED = 8
-"""Samples per pixel from which on a pilot, of a quarter of them, tells where the others go."""
+PLANNED, PLANNED_ON_GPU = 1 << 18, 1 << 24
+"""Camera samples of a picture from which on a pilot, of a quarter of them, tells where the others go: a plan takes as
+long as so many do."""
+_LEAST = 4
+"""Camera samples of a pixel's pilot, at least."""
 
 
 class Whole:
@@ -76,9 +79,11 @@ def few(light: AllocatedLight[BrightLeafSampler]) -> int:
     return FEW_DETAILED if light.allocation.most_proposals >= DETAIL else FEW
 
 
-def pilot_whole(spp: int) -> int:
+def pilot_whole(spp: int, pixels: int) -> int:
     """Camera samples of a pilot for ``spp`` of those asked for, a power of two; all, where nothing is planned."""
-    return 1 << spp.bit_length() - 1 if spp >= PLANNED else spp * EACH
+    many = spp * EACH
+    enough = PLANNED_ON_GPU if dr.backend_v(mi.Float) == dr.JitBackend.CUDA else PLANNED
+    return 1 << spp.bit_length() - 1 if spp >= _LEAST and pixels * many >= enough else many
 
 
 def too_large(scene: mi.Scene) -> bool:
