@@ -195,10 +195,12 @@ def test_light_of_lamps(name: str, masked: bool, around: str) -> None:
         V = mi.Float(1)
         for veil in shapes:
             V *= dr.select(veil.ray_test(ray), 0.6, mi.Float(1))
+            dr.eval(V)  # OptiX knows one scene in each kernel
         return V
 
     def arriving(ray: mi.Ray3f) -> mi.Spectrum:
         hit = lamps.ray_intersect(ray)
+        dr.eval(hit)
         beyond = mi.Spectrum(*EVEN["radiance"]["value"]) if even else mi.Spectrum(0)
         return dr.select(hit.is_valid(), hit.shape.emitter().eval(hit), beyond) * through(ray)
 

@@ -1,4 +1,4 @@
-"""For a few samples: the whole light in one, with one ray to the map and one of the BSDF at every surface."""
+"""For a few samples: the whole light in one, with a few rays to the map and one of the BSDF at every surface."""
 
 from __future__ import annotations
 
@@ -42,9 +42,10 @@ _LEAST = 4
 class Whole:
     """Estimates it for camera rays, in place of an integrator of direct light.
 
-    The map is sampled by what is brighter than its mean, with a few rays at the first surface and one at later ones,
-    and the sample of the BSDF that leads on finds the rest. Not where light goes straight through anything, or where
-    something else than the map is behind.
+    The map is sampled by what is brighter than a share of its mean, with a few rays at the first surface and one at
+    later ones, and the sample of the BSDF that leads on finds the rest. At the first surface, what is alike from
+    everywhere is left to that sample alone: then it matters little whether it meets a thing or the sky. Not where light
+    goes straight through anything, or where something else than the map is behind.
     """
 
     def __init__(self, paths: Paths, hide_emitters: bool) -> None:
