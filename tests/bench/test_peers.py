@@ -231,15 +231,16 @@ def test_only_diffuse_meshes_on_their_ground_are_exported(tmp_path: Path) -> Non
     assets = Assets(make_assets(tmp_path / "assets"))
     setting = load_setting(TINY.cases[0], TINY, assets)
     with pytest.raises(InputError, match="case buddha-metal-grace: other renderers are told of diffuse meshes"):
-        export(Case("grace", "metal", "buddha"), setting, assets, tmp_path)
+        export(Case("grace", "metal", "buddha"), setting, assets, tmp_path, 2)
 
 
 def test_budgets_of_the_peers_are_at_least_four() -> None:
     assert len(PEER_SPP) >= 4 and list(PEER_SPP) == sorted(PEER_SPP)
 
 
+@pytest.mark.parametrize("depth", [2, 4])
 @pytest.mark.parametrize("name", list(PEERS))
-def test_a_real_renderer_agrees(name: str, tmp_path: Path) -> None:
+def test_a_real_renderer_agrees(name: str, depth: int, tmp_path: Path) -> None:
     """A cube under a smooth map that has no symmetry, upside down as the real one is."""
     if importlib.util.find_spec(PEERS[name][1]) is None:
         pytest.skip(f"needs {PEERS[name][1]}: pip install 'stratalux[peers]'")
@@ -254,8 +255,10 @@ def test_a_real_renderer_agrees(name: str, tmp_path: Path) -> None:
     assets = Assets(tmp_path)
     setting = load_setting(suite.cases[0], suite, assets)
     camera = setting.cameras["multijitter"]
-    wanted = mi.render(setting.plain, integrator=mi.load_dict({"type": "direct"}), spp=1024, sensor=camera).numpy()
-    export(suite.cases[0], setting, assets, tmp_path)
+    wanted = mi.render(
+        setting.plain, integrator=mi.load_dict({"type": "path", "max_depth": depth}), spp=1024, sensor=camera
+    ).numpy()
+    export(suite.cases[0], setting, assets, tmp_path, depth)
     with Peer(name, tmp_path) as peer:
         shots = [peer.render(next(iter(peer.configurations)), 256, seed) for seed in (7, 8)]
     images = [shot.image[setting.surface].astype(float) for shot in shots]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from .candidates import OURS
 from .cases import MATERIALS
 from .peers.records import REGION, PeerRecord, PeersResult
 from .records import CaseResult
@@ -22,7 +23,7 @@ other seeds; the noise of that reference is subtracted.
 """
 
 _PEERS = """\
-In the same scene, with the same camera, box filter and map, {width}x{height} pixels, direct light of the map only: the
+In the same scene, with the same camera, box filter and map, {width}x{height} pixels, {light}: the
 seconds that each renderer needs to reach our error, and their ratio to ours, by our budgets. Each renders in a process
 of its own, in turn with ours; times are of the rendering alone. Loading and setting up, which come once, are listed
 apart. Of several configurations of each, the one that does best at a middle budget counts. *Agreement* is the mean of
@@ -98,7 +99,7 @@ def _peers(raced: PeersResult) -> list[str]:
     heads = ["renderer", "configuration", "speed-up", *(f"our {point.spp} spp" for point, _ in ours)]
     heads += ["agreement", "plateau", "load, set-up"]
     seconds = [f"{point.seconds.median:.3g} s to {error:.2g}" for point, error in ours]
-    rows = [["Stratalux", "`stratified`", "1", *seconds, "-", "-", "-"]]
+    rows = [["Stratalux", f"`{raced.ours.configuration.label}`", "1", *seconds, "-", "-", "-"]]
     failures = []
     for peer in raced.peers:
         if peer.failure is not None:
@@ -111,7 +112,13 @@ def _peers(raced: PeersResult) -> list[str]:
         setup = " + ".join("-" if s is None else f"{s:.2g} s" for s in (peer.load_seconds, peer.setup_seconds))
         row = [peer.version, peer.chosen, f"**{verdict.ratio:.3g}**{star * verdict.outside}", *reached]
         rows.append([*row, f"{peer.agreement:.4f}", plateau(peer), setup])
-    return [_PEERS.format(width=raced.size[0], height=raced.size[1]).strip(), table(heads, rows), *failures]
+    direct = raced.ours.configuration == OURS
+    light = "direct light of the map only" if direct else "light of the map by paths of as many segments as ours"
+    return [
+        _PEERS.format(width=raced.size[0], height=raced.size[1], light=light).strip(),
+        table(heads, rows),
+        *failures,
+    ]
 
 
 def plateau(peer: PeerRecord) -> str:

@@ -1,7 +1,7 @@
 """Cycles, through Blender as a Python module; run by :mod:`.serve`.
 
-Direct light of the world only: no bounce after the first hit. No denoiser, no clamping, no light left out; the
-importance map is as fine as the map. The BVH is kept between renderings.
+Light of the world only, by as many bounces as the scene says: none for direct light. No denoiser, no clamping, no light
+left out; the importance map is as fine as the map. The BVH is kept between renderings.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Renderer:
         self.file = folder / "cycles.exr"
         bpy.ops.wm.read_factory_settings(use_empty=True)
         self.scene = bpy.context.scene
-        _film(self.scene, scene["size"].tolist(), int(scene["threads"]))
+        _film(self.scene, scene["size"].tolist(), int(scene["threads"]), int(scene["depth"]) - 2)
         _camera(self.scene, scene["camera"], float(scene["tangent"]))
         body, ground = (float(albedo) for albedo in scene["albedo"])
         _mesh(self.scene, "body", scene["vertices"], scene["faces"], scene["normals"], body)
@@ -59,7 +59,7 @@ class Renderer:
         return _pixels(self.file), {"spp": spp, **times}
 
 
-def _film(scene: Any, size: list[int], threads: int) -> None:
+def _film(scene: Any, size: list[int], threads: int, bounces: int) -> None:
     render, cycles = scene.render, scene.cycles
     render.engine = "CYCLES"
     (render.resolution_x, render.resolution_y), render.resolution_percentage = size, 100
@@ -70,7 +70,7 @@ def _film(scene: Any, size: list[int], threads: int) -> None:
     scene.display_settings.display_device, scene.view_settings.view_transform = "sRGB", "Raw"
     cycles.device, cycles.use_denoising = "CPU", False
     cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
-    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = 0
+    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = bounces
     cycles.transmission_bounces = cycles.volume_bounces = cycles.transparent_max_bounces = 0
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
     cycles.light_sampling_threshold = cycles.blur_glossy = 0.0

@@ -1,7 +1,7 @@
 """LuxCore, through ``pyluxcore``; run by :mod:`.serve`.
 
-The path tracer on the CPU, cut after the first hit: direct light by samples of the map alone, as the last vertex of a
-path gets no other.
+The path tracer on the CPU, cut after as many hits as the scene says, one for direct light: that is by samples of the
+map alone, as the last vertex of a path gets no other.
 """
 
 from __future__ import annotations
@@ -41,11 +41,12 @@ class Renderer:
         if cache not in self.scenes:
             self.scenes[cache] = _scene(self.arrays, self.folder, cache)
         width, height = (int(n) for n in self.arrays["size"])
+        hits = int(self.arrays["depth"]) - 1
         properties = {
             "renderengine.type": "PATHCPU",
             "renderengine.seed": seed,
             "native.threads.count": int(self.arrays["threads"]),
-            "path.pathdepth.total": 1,
+            **{f"path.pathdepth.{kind}": hits for kind in ("total", "diffuse", "glossy", "specular")},
             "path.clamping.variance.maxvalue": 0.0,
             "film.width": width,
             "film.height": height,

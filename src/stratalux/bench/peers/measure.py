@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...assets import Assets
 from ...comparison.records import Spread
 from ...images.metrics import RELATIVE_EPSILON
-from ..candidates import OURS, Configuration, cost
+from ..candidates import Configuration, cost, ours
 from ..cases import Case, Suite
 from ..measure import Arena, Fraction, Truth, about_reference, reference_of
 from ..records import CurveRecord, Point
@@ -83,12 +83,12 @@ def measure_peers(
     """
     setting = load_setting(case, suite, assets)
     arena = Arena(setting)
-    spp = suite.reference_spp
-    truth = Truth(case, setting, reference_of(setting, spp, cache, lambda done: fraction(0.2 * done)))
+    spp, mine = suite.reference_spp, ours(suite.depth)
+    truth = Truth(case, setting, reference_of(setting, spp, cache, lambda done: fraction(0.2 * done), suite.depth))
     contenders = [Contender(name) for name in PEERS]
     with tempfile.TemporaryDirectory(prefix="stratalux-peers-") as name, ExitStack() as stack:
         folder = Path(name)
-        export(case, setting, assets, folder)
+        export(case, setting, assets, folder, suite.depth)
         for k, contender in enumerate(contenders):
             contender.start(stack, folder, python)
             _screen(contender, truth, min(SCREEN_SPP, max(peer_spp)))
@@ -97,7 +97,7 @@ def measure_peers(
         for k in range(REPEATS):
             for n, budget in enumerate(peer_spp if k % 2 == 0 else peer_spp[::-1]):
                 seed += 1
-                arena.rounds([(OURS, count) for count in OUR_SPP], 1, lambda _: None)
+                arena.rounds([(mine, count) for count in OUR_SPP], 1, lambda _: None)
                 for contender in contenders:
                     _shoot(contender, budget, seed)
                 fraction(0.5 + 0.5 * (k + (n + 1) / len(peer_spp)) / REPEATS)
@@ -109,7 +109,7 @@ def measure_peers(
         reference=about_reference(reference),
         floor=truth.floors[REGION],
         mean=reference.mean(truth.masks[REGION]),
-        ours=_surface_only(truth.record(arena, OURS)),
+        ours=_surface_only(truth.record(arena, mine)),
         peers=tuple(_concluded(contender, truth) for contender in contenders),
     )
 
@@ -117,7 +117,8 @@ def measure_peers(
 def peer_settings(case: Case, suite: Suite) -> dict[str, Any]:
     """What the result depends on, besides the code, the machine and the versions."""
     budgets = {"ours": OUR_SPP, "theirs": PEER_SPP, "screen": SCREEN_SPP, "repeats": REPEATS}
-    return {"case": case.name, "size": suite.size, "reference": suite.reference_spp, **budgets}
+    size = {"size": suite.size, "reference": suite.reference_spp, "depth": suite.depth}
+    return {"case": case.name, **size, **budgets}
 
 
 def _screen(contender: Contender, truth: Truth, spp: int) -> None:

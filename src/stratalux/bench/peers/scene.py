@@ -3,7 +3,8 @@
 ``scene.npz``, z-up, triangles counter-clockwise seen from outside: ``vertices`` (V, 3), ``faces`` (F, 3) and
 ``normals`` (V, 3) of the object, which is smooth; ``ground_vertices`` and ``ground_faces``, which is flat; ``albedo``
 of the object and of the ground; ``camera`` (4, 4): columns left, up, forward and position; ``tangent``: of half the
-field of view along the shorter side; ``size``: (width, height) of the film in pixels; ``threads``.
+field of view along the shorter side; ``size``: (width, height) of the film in pixels; ``threads``; ``depth``:
+segments of a path, at most: 2 is direct light.
 
 ``map.exr``: the radiance, scaled, and upright with z as up. The direction d is found in column
 W·(½ − atan2(d.y, d.x)/2π), as Blender has it. ``mirrored.exr``: the same in column W·atan2(d.y, d.x)/2π.
@@ -37,7 +38,7 @@ _SIDES = 1024
 """Of the polygon that stands for the ground's disk."""
 
 
-def export(case: Case, setting: Setting, assets: Assets, folder: Path) -> None:
+def export(case: Case, setting: Setting, assets: Assets, folder: Path, depth: int) -> None:
     """Write the scene of ``case`` to ``folder``. Raises :class:`InputError` if it is no diffuse mesh on its ground."""
     if case.material != "diffuse" or not case.ground or case.scene == "matpreview":
         raise InputError(f"case {case.name}: other renderers are told of diffuse meshes on their ground only")
@@ -59,6 +60,7 @@ def export(case: Case, setting: Setting, assets: Assets, folder: Path) -> None:
         camera=camera,
         tangent=np.tan(np.radians(FIELD_OF_VIEW_DEGREES) / 2),
         size=np.array(setting.size),
+        depth=np.array(depth),
         threads=np.array(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1),
     )
     texels = EnvironmentMap.load(assets.require(case.map)).texels
