@@ -62,15 +62,17 @@ def test_the_pdf_is_per_steradian_and_covers_the_sphere(name: str) -> None:
             assert abs(values.mean() - 2 * np.pi * 0.7) < 4.5 * error  # six parts of three maps at 1e-3 together
 
 
+@pytest.mark.parametrize("glossy", [False, True])
 @pytest.mark.parametrize("name", MAPS)
-def test_what_is_brighter_than_a_share_of_the_mean(name: str) -> None:
+def test_what_is_brighter_than_a_share_of_the_mean(name: str, glossy: bool) -> None:
     """Its density is that of leaves of such a map; it covers the sphere, and brings the map's whole light."""
     environment = EnvironmentMap(MAPS[name])
     luminance = environment.texels @ LUMINANCE
     mean = environment.energy_table.total / (4 * np.pi)
-    sampler = BrightLeafSampler(environment)
+    sampler = BrightLeafSampler(environment, glossy)
     assert float(sampler.mean[0]) == pytest.approx(mean, rel=1e-6)
-    spared = mean * (1 if np.allclose(luminance, mean) else 0.5 if sampler.sunny else 0.25)
+    assert sampler.sunny == (name == "sun")
+    spared = mean * {"hall": 0.25, "sun": 1.0 if glossy else 0.5, "black": 1.0}[name]
     assert float(sampler.spared[0]) == pytest.approx(spared, rel=1e-4)
     bright = EnvironmentMap(np.repeat(np.maximum(luminance - spared, 0)[..., None], 3, axis=2).astype(np.float32))
     assert sampler.energy == pytest.approx(bright.energy_table.total, rel=1e-3)

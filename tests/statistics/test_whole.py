@@ -143,6 +143,19 @@ def test_how_few_they_are(texels: Any, material: str, expected: str, monkeypatch
     assert whole.few(AllocatedLight(light, integrator.prepare(scene).allocation)) == 77
 
 
+@pytest.mark.parametrize(("texels", "planned"), [(None, True), (sun_map(), False)])
+def test_what_is_planned(texels: Any, planned: bool) -> None:
+    """A quarter of the camera samples is the pilot, where there are enough; never under a sun."""
+    from stratalux.integrators.environment import MapCache  # of the active variant
+    from stratalux.integrators.indirect.whole import pilot_whole
+    from stratalux.sampling.leaf_sampler import BrightLeafSampler
+
+    light = MapCache(BrightLeafSampler).get(mi.load_dict(scene_dict("diffuse", texels)))
+    assert pilot_whole(light, 16, 1) == (16 if planned else 64)  # type: ignore[arg-type]
+    assert pilot_whole(light, 23, 1) == (16 if planned else 92)  # type: ignore[arg-type]
+    assert pilot_whole(light, 3, 1 << 30) == 12  # type: ignore[arg-type]
+
+
 def test_another_kind_of_map() -> None:
     """A picture does not depend on those before it: here, of a sun in place of a hall."""
     scene = mi.load_dict(scene_dict("roughplastic"))

@@ -114,7 +114,9 @@ class PathStratified(Automatic):
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
         self._paths = _paths_of(props)
-        self._bright: MapCache[BrightLeafSampler] = MapCache(BrightLeafSampler)
+        self._bright: dict[bool, MapCache[BrightLeafSampler]] = {
+            glossy: MapCache(partial(BrightLeafSampler, glossy=glossy)) for glossy in (False, True)
+        }
         self._plain: PathSample = PathSample(props)
         self._plain._cache = self._cache
 
@@ -193,7 +195,7 @@ class PathStratified(Automatic):
         if not enclosed and (whole := self._whole(scene, sensor, spp, light)):
             own, many = memory.setdefault("whole", {}), spp * EACH
             view: View = View(whole, None, self._most(sensor, own, many))
-            pilot = pilot_whole(spp, view.pixels)
+            pilot = pilot_whole(whole.seen[0], spp, view.pixels)
             if even := pilot == many:
                 pilot = view.first(many)
             return {"whole": TwoStages(view, pilot, many, opaque_seed(seed), dim, own, even=even)}
@@ -212,7 +214,7 @@ class PathStratified(Automatic):
         """For so few samples that all of the light is best estimated in one; None if it is not."""
         if spp > FEW_IN_THE_SUN or self.background != "map" or self.catcher or too_large(scene):
             return None
-        found = self._bright.get(scene)
+        found = self._bright[light.allocation.any_glossy].get(scene)
         assert found is not None
         bright = AllocatedLight(found, light.allocation)
         if spp > few(bright):

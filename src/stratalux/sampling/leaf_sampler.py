@@ -24,9 +24,9 @@ _MANY_REGIONS = 256
 """More regions than that share half as many leaves: 1,024 of them have 1.00 to 1.01 times the error (64: 1.01 to 1.06).
 """
 
-_SPARED, _SPARED_IN_THE_SUN = 0.25, 0.5
+_SPARED, _SPARED_IN_THE_SUN, _SPARED_BY_GLOSS = 0.25, 0.5, 1.0
 """Share of the mean of a map that is left to samples of the BSDF: usually, and under one sun, where a ray that goes to
-the sky is missing in the sun."""
+the sky is missing in the sun, and gloss alone has no use for it."""
 _EVEN = 1e-5
 """A map that is this close to its mean has nothing that is brighter."""
 _SUN = 0.95
@@ -99,14 +99,16 @@ class BrightLeafSampler(LeafSampler):
     Source: Karlík, Šik, Vévoda, Skřivan and Křivánek 2019, "MIS Compensation: Optimizing Sampling Techniques in
     Multiple Importance Sampling", where it is the mean itself. As everywhere, a hundredth of the mean of what is left
     is added.
+
+    ``glossy``: for surfaces some of which have gloss alone.
     """
 
-    def __init__(self, environment: EnvironmentMap) -> None:
+    def __init__(self, environment: EnvironmentMap, glossy: bool = False) -> None:
         mean = environment.energy_table.total / (4 * np.pi)
         gathered, brightest = _seen(environment.texels, mean)
         self.sunny = gathered > _SUN
         """Whether nearly all light beyond the mean comes from one direction."""
-        share = _SPARED_IN_THE_SUN if self.sunny else _SPARED
+        share = (_SPARED_BY_GLOSS if glossy else _SPARED_IN_THE_SUN) if self.sunny else _SPARED
         # One that is nowhere brighter than its mean is left to them altogether: they find it without noise.
         spared = mean * (share if brightest > mean * (1 + _EVEN) else 1 + _EVEN)
         super().__init__(environment, table=EnergyTable.build(environment.texels, spared))

@@ -128,7 +128,7 @@ def test_shares_are_those_of_the_table(glossy: bool) -> None:
     from stratalux.integrators.automatic.lobes import BESIDE_GLOSS, DETAILED_LIGHT, DETAILED_SPREAD, ROWS, Allocation
 
     allocation = Allocation.__new__(Allocation)
-    allocation._any_glossy = glossy
+    allocation.any_glossy = glossy
     for row in ROWS:
         for detailed in (False, True):
             for spread in (math.nan, 0.0, 0.9 * DETAILED_SPREAD, 2.2 * DETAILED_SPREAD, 1.0):

@@ -76,7 +76,8 @@ class Allocation:
         used = set(rows.numpy().tolist()) | ({_UNKNOWN} if _has_instances(scene) else set())
         used |= {_MATTE} if matte is not None else set()
         self.any_bsdf_samples = any(ROWS[row].lobe for row in used)
-        self._any_glossy = any(not ROWS[row].matte for row in used)
+        self.any_glossy = any(not ROWS[row].matte for row in used)
+        """Whether anything has gloss alone."""
         self.any_matte = any(ROWS[row].matte for row in used)
         spreads = _spreads(scene, light, rows) if self.any_bsdf_samples else [math.nan] * len(ROWS)
         self.most_proposals = max((_proposals(ROWS[row], spreads[row]) for row in used), default=1)
@@ -93,7 +94,7 @@ class Allocation:
     def _share(self, row: Row, spread: float, detailed: bool) -> int:
         """What :meth:`of` tells, in one number."""
         N, K, M = row.light, row.lobe, _proposals(row, spread)
-        if self._any_glossy:
+        if self.any_glossy:
             N = min(N, DETAILED_LIGHT if detailed else BESIDE_GLOSS)
         if detailed and not row.matte and math.isfinite(spread):
             K = min(K, max(1, round(spread / DETAILED_SPREAD)))

@@ -80,9 +80,12 @@ def few(light: AllocatedLight[BrightLeafSampler]) -> int:
     return FEW_DETAILED if light.allocation.most_proposals >= DETAIL else FEW
 
 
-def pilot_whole(spp: int, pixels: int) -> int:
-    """Camera samples of a pilot for ``spp`` of those asked for, a power of two; all, where nothing is planned."""
+def pilot_whole(light: AllocatedLight[BrightLeafSampler], spp: int, pixels: int) -> int:
+    """Camera samples of a pilot for ``spp`` of those asked for, a power of two; all, where nothing is planned: under a
+    sun, whose glints no pilot finds, among others."""
     many = spp * EACH
+    if light.tables.sunny:
+        return many
     enough = PLANNED_ON_GPU if dr.backend_v(mi.Float) == dr.JitBackend.CUDA else PLANNED
     return 1 << spp.bit_length() - 1 if spp >= _LEAST and pixels * many >= enough else many
 
