@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Protocol
 
 import drjit as dr
@@ -13,6 +13,9 @@ import numpy as np
 _PROVISIONAL = re.compile(r"\bsampler = \w+\[[^\]]*\],?|\b(?:filename|name|id) = \"[^\"]*\",?|0x[0-9a-fA-F]+")
 """Parts of a scene's description that do not change what it looks like: samplers, names, addresses."""
 
+_ADDRESS = re.compile(r"\bobject_\d+")
+"""What Mitsuba calls an object that has no name."""
+
 
 class Digest(Protocol):
     """A hash that is fed, as :mod:`hashlib` has them."""
@@ -21,11 +24,12 @@ class Digest(Protocol):
 
 
 def add_parameters(digest: Digest, scene: mi.Scene, wanted: Callable[[str], bool] = lambda name: True) -> None:
-    """Feed ``digest`` with the parameters of a loaded scene whose names are ``wanted``: meshes, textures, the map, the
-    camera, the film's size."""
+    """Feed ``digest`` with the parameters of a loaded scene whose names, as Mitsuba has them, are ``wanted``: meshes,
+    textures, the map, the camera, the film's size."""
     parameters = mi.traverse(scene)
-    for name in sorted(filter(wanted, parameters.keys())):
-        head, content = _bytes(parameters[name])
+    names = _lasting(parameters.keys())
+    for name in sorted(name for name, here in names.items() if wanted(here)):
+        head, content = _bytes(parameters[names[name]])
         digest.update(f"\n{name} {len(head) + len(content)} ".encode() + head)
         digest.update(content)
 
@@ -42,6 +46,17 @@ def add_structure(digest: Digest, scene: mi.Scene) -> None:
 def structure(*things: mi.Object) -> str:
     """Of things in a scene, as Mitsuba prints it, without names of files and samplers."""
     return _PROVISIONAL.sub("", "".join(map(str, things)))
+
+
+def _lasting(names: Iterable[str]) -> dict[str, str]:
+    """The ``names`` of parameters, in their order, by what they are in every process: Mitsuba calls an object that has
+    no name of its own by its address."""
+    numbers: dict[str, int] = {}
+
+    def number(found: re.Match[str]) -> str:
+        return f"object_{numbers.setdefault(found[0], len(numbers))}"
+
+    return {_ADDRESS.sub(number, name): name for name in names}
 
 
 def _bytes(value: Any) -> tuple[bytes, bytes | memoryview]:
