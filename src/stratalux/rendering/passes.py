@@ -34,7 +34,7 @@ from ..scenes.sources import sources
 from ..scenes.surroundings import object_pixels
 from ..settings import documented
 from .checkpoint import Checkpoint, identity_of
-from .cluster import check_packages
+from .cluster import LOCAL, check_packages
 from .ready import loaded_for, ready
 from .settings import (
     GROUPS,
@@ -333,7 +333,7 @@ def _timed(passes: Iterator[Step]) -> Iterator[tuple[Step, float, float]]:
 def _processes(picture: PictureSettings) -> Processes | None:
     """Those of ``local:N``, which start while the scene is loaded here."""
     where = picture.machine.cluster
-    if where is None or not where.startswith("local:") or importlib.util.find_spec("distributed") is None:
+    if where is None or not where.startswith(LOCAL) or importlib.util.find_spec("distributed") is None:
         return None
     if picture.scene is None or not isinstance(picture.scene.environment, (str, type(None))):
         return None

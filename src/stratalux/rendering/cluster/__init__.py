@@ -6,6 +6,9 @@ import importlib.util
 
 from ...errors import InputError
 
+LOCAL = "local:"
+"""What the address of a cluster begins with that is made of processes of this machine."""
+
 
 def check_packages() -> None:
     """Raise :class:`InputError` where Dask is missing."""

@@ -28,10 +28,10 @@ from distributed import TimeoutError as Late
 
 from ...errors import InputError, SceneWarning
 from ...integrators.launches import Arrays, Launch
+from . import LOCAL
 from .job import Job, Missing
 from .worker import RESOURCE, Renderer, added, held, made, prepared
 
-LOCAL = "local:"
 _SHORTEST = 1.0
 """Seconds that a task takes at least, where there is enough to do: less is lost between tasks."""
 _TRANSFERS = 20

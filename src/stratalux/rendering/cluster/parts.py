@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 from ...errors import InputError
+from . import LOCAL
 from .client import cluster
 from .worker import RESOURCE, in_turn
 
@@ -22,7 +23,7 @@ def timed(
     One at a time on each machine, whatever workers it has, as times are taken. A part whose worker is lost is begun
     again by another. Raises :class:`InputError` for ``local:N``, whose processes share one machine.
     """
-    if where.startswith("local:"):
+    if where.startswith(LOCAL):
         raise InputError(
             f"cluster: times are taken, and the processes of {where} would share a machine; give a scheduler's address"
         )
