@@ -313,8 +313,10 @@ def test_workers_that_die_all_the_time() -> None:
 
     def kill() -> None:
         while not over.wait(5):
-            mine = psutil.Process().children(recursive=True)
-            workers = [p for p in mine if "spawn_main" in " ".join(p.cmdline())]
+            us = psutil.Process()
+            mine = us.children(recursive=True)
+            servers = [p.pid for p in mine if p.ppid() == us.pid and "forkserver" in " ".join(p.cmdline())]
+            workers = [p for p in mine if p.ppid() in servers or "spawn_main" in " ".join(p.cmdline())]
             if len(workers) == WORKERS:
                 oldest = min(workers, key=lambda p: p.create_time())
                 killed.append(oldest.pid)

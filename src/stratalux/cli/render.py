@@ -122,6 +122,9 @@ def render(
     if result is None:
         print("stratalux: interrupted before the first pass was done; nothing to keep", file=sys.stderr)
         sys.exit(128 + stopped)
+    if result.part + 1 < result.parts:
+        below = f"below row {result.rows.stop}, all is black"
+        print(f"stratalux: warning: {result.part} of {result.parts} bands are complete; {below}", file=sys.stderr)
     if lost := _without_numbers(result):
         print(f"stratalux: warning: {lost} pixel(s) are not finite numbers; something is too bright", file=sys.stderr)
     stops = result.exposure if any(is_picture(path, result.output) for path in paths) else None
@@ -188,4 +191,8 @@ def _without_numbers(result: RenderResult) -> int:
     """How many pixels are infinite or no number."""
     import numpy as np
 
-    return int(np.count_nonzero(~np.isfinite(result.image).all(axis=-1)))
+    from ..images.strips import strips
+
+    pixels = np.asarray(result.bitmap)
+    rows = strips(*pixels.shape[:2])
+    return sum(int(np.count_nonzero(~np.isfinite(pixels[some]).all(axis=-1))) for some in rows)

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 _LONG = 120.0
 """Seconds after which a picture is kept in a checkpoint that nobody has asked for."""
+_RARELY = 20
+"""Times as long as it takes to keep it, at least, until it is kept again: a large one takes many seconds."""
 
 
 class Keeper:
@@ -30,6 +32,7 @@ class Keeper:
     def __init__(self, path: Path, asked: bool, every: float, expected: bool = False) -> None:
         self.path, self._asked, self._every = path, asked, every
         self._begun = self._last = time.monotonic()
+        self._took = 0.0
         self._kept = self._failed = False
         if not asked and not expected and path.exists():
             _tell(f"warning: {path} is there, of a picture that was not completed; --resume {path} goes on with it")
@@ -37,9 +40,11 @@ class Keeper:
     def after(self, result: RenderResult) -> None:
         """A pass is done."""
         now = time.monotonic()
-        if now - self._last >= self._every and (self._asked or now - self._begun >= _LONG):
+        every = max(self._every, _RARELY * self._took)
+        if now - self._last >= every and (self._asked or now - self._begun >= _LONG):
             self._save(result)
             self._last = time.monotonic()
+            self._took = self._last - now
 
     def end(self, result: RenderResult, complete: bool) -> None:
         """It was the last one, and all that was asked for, or not."""

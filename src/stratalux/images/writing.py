@@ -16,6 +16,7 @@ from .colour import REC709, transform, xyz_to_rec709
 from .encoding import encode_file
 from .files import check_bits, check_film, check_output, format_of, is_picture, write_atomically
 from .settings import OutputSettings, PictureFileSettings
+from .strips import strips
 from .tonemap import Meter, filled, view_codes, whole
 
 if TYPE_CHECKING:
@@ -101,12 +102,13 @@ def automatic_exposure(image: Image, mask: NDArray[np.bool_] | None = None, ligh
     black, before a black curtain too, stays dark.
     """
     colours, alpha = _colours_and_alpha(*_channels(image))
-    whole = Meter()
+    whole, part = Meter(), Meter()
     add_to(whole, colours, alpha)
     stops = whole.stops
     if mask is not None and mask.any():
-        part = Meter()
-        add_to(part, colours[mask][None], None if alpha is None else alpha[mask][None])
+        for rows in strips(*mask.shape):
+            seen = mask[rows]
+            add_to(part, colours[rows][seen][None], None if alpha is None else alpha[rows][seen][None])
         stops = min(max(part.stops, stops - _APART), stops + _APART)
     return min(stops, _OVER - float(np.log2(light))) if light > 0 else stops
 
@@ -114,10 +116,11 @@ def automatic_exposure(image: Image, mask: NDArray[np.bool_] | None = None, ligh
 def add_to(meter: Meter, colours: NDArray[np.float32], alpha: NDArray[np.float32] | None) -> None:
     """Meter ``colours`` (H, W, 3) that are multiplied by ``alpha`` (H, W), where there is one: each pixel counts as
     much as it is covered, as edges that hardly are would be very dark."""
-    if alpha is None:
-        meter.add(colours)
-    else:
-        meter.add(_straight(colours, alpha), np.clip(np.nan_to_num(alpha), 0, 1))
+    for rows in strips(*colours.shape[:2]):
+        if alpha is None:
+            meter.add(colours[rows])
+        else:
+            meter.add(_straight(colours[rows], alpha[rows]), np.clip(np.nan_to_num(alpha[rows]), 0, 1))
 
 
 def _straight(colours: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -130,8 +133,8 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _channels(image: Image) -> tuple[NDArray[np.float32], list[str]]:
-    """Pixels (H, W, C), and the names of their channels."""
-    pixels = np.array(image, dtype=np.float32)
+    """Pixels (H, W, C), which are not to be changed, and the names of their channels."""
+    pixels = np.asarray(image, dtype=np.float32)
     pixels = pixels[..., None] if pixels.ndim == 2 else pixels
     struct = getattr(image, "struct_", None)
     if struct is not None:
@@ -164,13 +167,32 @@ def _picture(
         add_to(meter, colours, alpha)
         exposure = meter.stops
     alpha = _seen(path, alpha, output.bits)
+    if alpha is not None and (lost := np.count_nonzero((colours[alpha == 0] > 0).any(axis=-1))):
+        _warn(f"{path}: light of {lost} pixel(s) without alpha is left out; .exr holds that")
+    height, width, _ = colours.shape
+    shown = np.empty((height, width, 3 if alpha is None else 4), dtype=np.uint8 if output.bits == 8 else np.uint16)
+    for rows in strips(height, width):
+        shown[rows] = _codes(colours, alpha, rows, exposure, output)
+    return encode_file(path.suffix.lower(), shown, _NAMES[shown.shape[2]])
+
+
+def _codes(
+    colours: NDArray[np.float32],
+    alpha: NDArray[np.float32] | None,
+    rows: slice,
+    exposure: float,
+    output: PictureFileSettings,
+) -> NDArray[Any]:
+    """Those of some rows; pixels are filled from the rows beside, too."""
+    around = slice(max(0, rows.start - 1), rows.stop + 1)
+    part = colours[around]
     if alpha is not None:
-        if lost := np.count_nonzero((colours[alpha == 0] > 0).any(axis=-1)):
-            _warn(f"{path}: light of {lost} pixel(s) without alpha is left out; .exr holds that")
-        colours = _straight(filled(colours), alpha)
-    codes = view_codes(colours, exposure, output.view)
-    shown = codes if alpha is None else np.dstack([codes, alpha])
-    return encode_file(path.suffix.lower(), whole(shown, output.bits), _NAMES[shown.shape[2]])
+        part = _straight(filled(part), alpha[around])
+    codes = view_codes(part, exposure, output.view)
+    if alpha is not None:
+        codes = np.dstack([codes, alpha[around]])
+    first = rows.start - around.start
+    return whole(codes[first : first + rows.stop - rows.start], output.bits)
 
 
 def _seen(path: Path, alpha: NDArray[np.float32] | None, bits: int = 16) -> NDArray[np.float32] | None:
@@ -205,13 +227,16 @@ def _openexr(
         about |= {"chromaticities": _XYZ, "oiio:ColorSpace": ""}
     kinds = ["float" if float32 or name not in _COLOURS else "half" for name in names]
     halves = [k for k, kind in enumerate(kinds) if kind == "half"]
-    if halves:
-        beyond = np.isfinite(pixels[..., halves]) & (np.abs(pixels[..., halves]) > _LARGEST_HALF)
-        if count := np.count_nonzero(beyond.any(axis=2)):
-            _warn(f"{path}: {count} pixel(s) above {_LARGEST_HALF:g} are written as that; --float32 keeps them")
-            pixels[..., halves] = np.where(
-                beyond, np.clip(pixels[..., halves], -_LARGEST_HALF, _LARGEST_HALF), pixels[..., halves]
-            )
+    count, given = 0, pixels
+    for rows in strips(*pixels.shape[:2]) if halves else ():
+        part = given[rows][..., halves]
+        beyond = np.isfinite(part) & (np.abs(part) > _LARGEST_HALF)
+        if found := np.count_nonzero(beyond.any(axis=2)):
+            count += int(found)
+            pixels = given.copy() if pixels is given else pixels
+            pixels[rows][..., halves] = np.where(beyond, np.clip(part, -_LARGEST_HALF, _LARGEST_HALF), part)
+    if count:
+        _warn(f"{path}: {count} pixel(s) above {_LARGEST_HALF:g} are written as that; --float32 keeps them")
     return encode_file(".exr", pixels, names, kinds=kinds, attributes=about)
 
 

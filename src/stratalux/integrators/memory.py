@@ -13,6 +13,14 @@ from ..images.reading import default_memory
 _GIGA = 1 << 30
 
 
+class NoRoom(InputError):
+    """A film has none. ``room``: bytes that are left; ``each``: that one of its pixels takes."""
+
+    def __init__(self, message: str, room: int, each: float) -> None:
+        super().__init__(message)
+        self.room, self.each = room, each
+
+
 def resident() -> int:
     """Bytes that this process has in memory now; where only the most that it had is known, that."""
     with suppress(OSError, ValueError, IndexError):
@@ -26,10 +34,11 @@ def samples_at_once(max_memory: int | None, size: tuple[int, int], per_pixel: in
 
     ``max_memory``: bytes that the process may take in all; unless given, half of what the machine has, but a film that
     leaves no room in that may take nearly all of it. ``per_pixel`` of a film of that ``size``, and ``per_sample``:
-    bytes. Raises :class:`InputError` if there is no room for ``least``.
+    bytes. Raises :class:`NoRoom` if there is none for ``least``.
     """
     width, height = size
-    before = resident() + per_pixel * width * height
+    others, pixels = resident(), width * height
+    before = others + per_pixel * pixels
     least = 1 << (least - 1).bit_length()
     limit = default_memory() if max_memory is None else max_memory
     room = limit - before
@@ -38,13 +47,15 @@ def samples_at_once(max_memory: int | None, size: tuple[int, int], per_pixel: in
         need = before + per_sample * least
         if need > most:
             what = "max_memory" if max_memory is not None else "memory"
-            raise InputError(
-                f"{what}: a film of {width}x{height} pixels needs {_said(need)} with its scene and map, and there are "
-                f"{_said(most)}; {'give more, or ' if max_memory is not None else ''}make the film smaller (--size)"
+            message = (
+                f"{what}: a film of {width}x{height} pixels needs {said(need)} with its scene and map, and there are "
+                f"{said(most)}; {'give more, or ' if max_memory is not None else ''}make the film smaller (--size)"
             )
+            raise NoRoom(message, limit - others, per_pixel + per_sample * least / pixels)
         return least
     return 1 << ((room // per_sample).bit_length() - 1)
 
 
-def _said(size: int) -> str:
+def said(size: int) -> str:
+    """In words."""
     return f"{size / _GIGA:.1f}G" if size >= 10 * (_GIGA >> 3) else f"{-(-size >> 20)}M"

@@ -63,6 +63,8 @@ class RenderResult:
     numbers of 32 bits in files. ``variant``: of Mitsuba. ``earlier_seconds``: that it took before it went on from a
     checkpoint. ``noise``: see :meth:`~..integrators.sums.Sums.noise`.
     ``kinds``: see :attr:`~.steps.Steps.work`.
+    ``part`` of ``parts`` is under way, ``rows`` of the film: where the film is too large for the memory there is, it is
+    made band by band, and ``bitmap`` and ``noise`` are those of all results.
     ``checkpoint``: what goes on from here, see :class:`~.checkpoint.Checkpoint`; there is none with an integrator of a
     program's own. ``workers``: those of a cluster, in words, and where they are watched.
     """
@@ -87,45 +89,56 @@ class RenderResult:
     checkpoint: Callable[[], Checkpoint] | None = None
     workers: str = ""
     kinds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    part: int = 0
+    parts: int = 1
+    rows: slice = field(default_factory=lambda: slice(None))
 
     @cached_property
     def error(self) -> float | None:
         """Relative standard error of a pixel: the root of the mean square over the object, or over all that is no
         background, divided by the mean. It is an estimate, from two halves of the passes, and rather too large: see
         :meth:`~..integrators.sums.Sums.noise`. None before there are two passes, and for what is black."""
+        return self._error_of(slice(None))
+
+    def _error_of(self, rows: slice) -> float | None:
         if self.noise is None:
             return None
-        known = np.isfinite(self.noise)
-        mask = known if self.object_pixels is None else known & self.object_pixels()
+        noise = self.noise[rows]
+        known = np.isfinite(noise)
+        mask = known if self.object_pixels is None else known & self.object_pixels()[rows]
         if not mask.any():
             mask = known
         if not mask.any():
             return None
-        image = self.image[mask]  # (N, C), or (N) of luminance alone
+        image = self._pixels[rows][mask]  # (N, C), or (N) of luminance alone
         mean = float((image[:, : 3 if image.shape[1] > 2 else 1] if image.ndim > 1 else image).mean())
-        return float(np.sqrt(np.mean(np.square(self.noise[mask], dtype=np.float64)))) / mean if mean > 0 else None
+        return float(np.sqrt(np.mean(np.square(noise[mask], dtype=np.float64)))) / mean if mean > 0 else None
 
-    @property
+    @cached_property
     def _shares(self) -> list[float]:
-        """Of the time and of the error that were asked for."""
+        """Of the time and of the error that were asked for, of the part of the film that is under way: each has as much
+        time as others, and an error of its own."""
         shares: list[float] = []
         if self.picture is not None:
             sampling = self.picture.sampling
             if sampling.time is not None:
-                shares.append(self.total_seconds / sampling.time)
-            if sampling.target_error is not None and self.error is not None:
-                shares.append((sampling.target_error / self.error) ** 2 if self.error else 1.0)
+                shares.append(self.total_seconds / sampling.time * self.parts - self.part)
+            if sampling.target_error is not None:
+                error = self.error if self.parts == 1 else self._error_of(self.rows)
+                if error is not None:
+                    shares.append((sampling.target_error / error) ** 2 if error else 1.0)
         return shares
 
     @property
     def enough(self) -> bool:
-        """Whether it has taken as long, or is as good, as was asked for."""
+        """Whether it has taken as long, or is as good, as was asked for: the part of the film that is under way."""
         return any(share >= 1 for share in self._shares)
 
     @property
     def share(self) -> float:
         """Of all that was asked for, as far as it is known, from 0 to 1."""
-        return min(1.0, max(self.spp / self.spp_total, *self._shares, 0.0))
+        within = min(1.0, max(0.0, *self._shares)) if self._shares else 0.0
+        return min(1.0, max(self.spp / self.spp_total, (self.part + within) / self.parts if self.parts > 1 else within))
 
     @property
     def work(self) -> Mapping[str, tuple[float, float]]:
@@ -142,6 +155,11 @@ class RenderResult:
     def image(self) -> NDArray[np.float32]:
         """Pixels (H, W, C), linear."""
         return np.array(self.bitmap)
+
+    @property
+    def _pixels(self) -> NDArray[np.float32]:
+        """The same, not to be changed."""
+        return np.asarray(self.bitmap)
 
     def metadata(self) -> dict[str, Value]:
         """What the OpenEXR file remembers."""
@@ -283,34 +301,37 @@ def _render_passes(
     shows = cache(partial(object_pixels, scene, camera)) if loaded.measure else None
     light = None if shows is None else cache(partial(_light, scene, camera, shows))
     with _maker(files, picture, identity, processes) as (make, workers):
-        for (total, done, noise), elapsed, compile_time in _timed(made.steps.all(memory, make)):
+        for step, elapsed, compile_time in _timed(made.steps.all(memory, make)):
             compiling += compile_time
             seconds += elapsed - compile_time
             result = RenderResult(
-                bitmap=_develop(film, total),
-                spp=round(done),
+                bitmap=step.bitmap,
+                spp=round(step.spp),
                 spp_total=made.spp,
                 seconds=seconds,
                 preparation_seconds=made.preparation_seconds,
                 compile_seconds=compiling,
-                camera_rays=round(pixels * done),
-                shadow_rays=round(pixels * done) * made.rays_per_sample,
+                camera_rays=round(pixels * step.spp),
+                shadow_rays=round(pixels * step.spp) * made.rays_per_sample,
                 settings={**made.about, "integrator": " ".join(str(made.integrator).split()), "seed": sampling.seed},
                 picture=None if own else picture,
                 measure=loaded.measure,
                 object_pixels=shows,
                 light=light,
                 float32="component_format = float32" in str(film),  # it says so nowhere else
-                noise=noise,
+                noise=step.noise,
                 variant=mi.variant(),
                 earlier_seconds=0.0 if resume is None else resume.seconds,
                 workers=workers,
                 kinds=made.steps.work,
+                part=step.part,
+                parts=step.parts,
+                rows=step.rows,
             )
             if identity is not None:
                 result.checkpoint = partial(_checkpoint, identity, memory, result.total_seconds)
             yield result
-            if result.enough:
+            if result.enough and made.steps.enough():
                 return
 
 
@@ -371,10 +392,3 @@ def _light(scene: mi.Scene, camera: mi.Sensor, shows: Callable[[], NDArray[np.bo
 
 def _checkpoint(identity: Callable[[], dict[str, Any]], memory: Memory, seconds: float) -> Checkpoint:
     return Checkpoint(identity(), memory, seconds)
-
-
-def _develop(film: mi.Film, raw: NDArray[np.floating[Any]]) -> mi.Bitmap:
-    """Develop the weighted sums of several passes as if they had been one."""
-    film.prepare([])
-    film.put_block(mi.ImageBlock(mi.TensorXf(raw.astype(np.float32)), film.crop_offset()))
-    return film.bitmap()

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import mitsuba as mi
-import numpy as np
 
 from ..errors import InputError, SceneWarning
 from ..integrators import mitsuba_own
@@ -76,10 +75,8 @@ def ready(loaded: Loaded, picture: PictureSettings, integrator: mi.Integrator | 
     if hasattr(integrator, "prepare") and integrator.prepare(scene) is None:
         rays_per_sample = 0
     preparation = time.perf_counter() - start
-    work = int(np.prod(camera.film().crop_size())) * max(
-        1, rays_per_sample * max(1, getattr(integrator, "proposals", 1) // 4)
-    )
-    steps = Steps(integrator, scene, camera, sampling.seed, spp, work, picture.machine.max_memory)
+    rays = max(1, rays_per_sample * max(1, getattr(integrator, "proposals", 1) // 4))
+    steps = Steps(integrator, scene, camera, sampling.seed, spp, rays, picture.machine.max_memory)
     return Ready(steps, integrator, camera, picture, about, rays_per_sample, spp, preparation)
 
 

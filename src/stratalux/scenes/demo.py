@@ -139,36 +139,42 @@ def _map_once(height: int) -> Array:
 
 def _radiance(directions: Array) -> Array:
     """The radiance (M, N, 3) that arrives at the eye from unit `directions` (3, M, N)."""
+    shape = directions.shape[1:]
     # A direction that runs along a wall meets it too far away to matter, but not at infinity.
-    directions = np.where(directions == 0, np.float32(1e-9), directions)
-    reach = np.where(directions > 0, _HIGH[:, None, None], _LOW[:, None, None]) / directions
-    wall = np.argmin(reach, axis=0)
-    x, y, z = directions * np.min(reach, axis=0)
-    along: Array = np.where(wall == 0, z, x)
-
-    level = wall == 1
-    radiance = np.empty((*wall.shape, 3), dtype=np.float32)
-    radiance[level], radiance[~level] = _slab(x[level], y[level], z[level]), _wall(along[~level], y[~level])
-    for axis, side, centre, sill, width, tall, colour in _WINDOWS:
-        on_wall = (wall == (0 if axis == "x" else 2)) & ((x if axis == "x" else z) * side > 0)
-        on_wall[on_wall] = _arch(along[on_wall] - centre, y[on_wall] - sill, width, tall)
-        radiance[on_wall] = colour
-
-    centre_x, centre_y, size, colour = _ROSE
-    on_wall = (wall == 2) & (z < 0)
-    across, above = x[on_wall] - centre_x, y[on_wall] - centre_y
-    distance = np.hypot(across, above)
-    petals = np.abs(np.sin(4 * np.arctan2(above, across))) * distance > 0.05
-    on_wall[on_wall] = (distance < size) & petals & (np.abs(distance - 0.38 * size) > 0.04)
-    radiance[on_wall] = colour
+    directions = np.where(directions == 0, np.float32(1e-9), directions).reshape(3, -1)
+    reach = np.where(directions > 0, _HIGH[:, None], _LOW[:, None]) / directions
+    plane = np.argmin(reach, axis=0)
+    place = directions * np.min(reach, axis=0)
+    radiance = np.empty((place.shape[1], 3), dtype=np.float32)
+    for axis, name in enumerate("xyz"):
+        for side in (-1, 1):
+            hit = np.flatnonzero((plane == axis) & (place[axis] * side > 0))
+            if hit.size:
+                x, y, z = place[:, hit]
+                radiance[hit] = _slab(x, z, side) if name == "y" else _wall(name, side, z if name == "x" else x, y)
 
     towards, angle, colour = _LAMP
     lamp = np.array(towards, dtype=np.float32) / np.float32(np.linalg.norm(towards))
     radiance[np.tensordot(lamp, directions, axes=1) > np.cos(angle)] = colour
+    return radiance.reshape(*shape, 3)
+
+
+def _wall(axis: str, side: int, along: Array, y: Array) -> Array:
+    """One wall and its windows, (M, 3)."""
+    radiance = _masonry(along, y)
+    for its_axis, its_side, centre, sill, width, tall, colour in _WINDOWS:
+        if (its_axis, its_side) == (axis, side):
+            radiance[_arch(along - centre, y - sill, width, tall)] = colour
+    if (axis, side) == ("z", -1):
+        centre_x, centre_y, size, colour = _ROSE
+        across, above = along - centre_x, y - centre_y
+        distance = np.hypot(across, above)
+        petals = np.abs(np.sin(4 * np.arctan2(above, across))) * distance > 0.05
+        radiance[(distance < size) & petals & (np.abs(distance - 0.38 * size) > 0.04)] = colour
     return radiance
 
 
-def _wall(along: Array, y: Array) -> Array:
+def _masonry(along: Array, y: Array) -> Array:
     """Plaster above a panelled base, with a round stone pillar in every bay, (..., 3)."""
     height = (y - _LOW[1]) / (_HIGH[1] - _LOW[1])
     base = height < 0.16
@@ -181,14 +187,14 @@ def _wall(along: Array, y: Array) -> Array:
     return np.where((np.abs(across) < 1)[..., None], pillar, np.where(base[..., None], panelling, plaster))
 
 
-def _slab(x: Array, y: Array, z: Array) -> Array:
-    """The chequered floor below (y < 0) and the beamed ceiling above, (..., 3)."""
+def _slab(x: Array, z: Array, side: int) -> Array:
+    """The chequered floor below and the beamed ceiling above, (M, 3)."""
+    if side > 0:
+        beam = (np.abs(z / _BAY - np.round(z / _BAY)) < 0.09) | (np.abs(x / 3 - np.round(x / 3)) < 0.05)
+        return np.where(beam[:, None], _BEAMS, _CEILING)
     chequered = (np.round(x / 0.8) + np.round(z / 0.8)) % 2 == 0
     lit = 1 + 1.2 * np.exp(-((x + 3.4) ** 2) / 6 - (z - 2.5) ** 2 / 22)
-    floor = np.where(chequered[..., None], _FLOOR[0], _FLOOR[1]) * lit[..., None]
-    beam = (np.abs(z / _BAY - np.round(z / _BAY)) < 0.09) | (np.abs(x / 3 - np.round(x / 3)) < 0.05)
-    ceiling = np.where(beam[..., None], _BEAMS, _CEILING)
-    return np.where((y < 0)[..., None], floor, ceiling)
+    return np.where(chequered[:, None], _FLOOR[0], _FLOOR[1]) * lit[:, None]
 
 
 def _arch(across: Array, above: Array, width: float, tall: float) -> npt.NDArray[np.bool_]:

@@ -19,11 +19,12 @@ def incident_light(scene: mi.Scene, camera: mi.Sensor, mask: NDArray[np.bool_]) 
     Of direct light alone, and what is in its way casts a shadow, glass too: it is rather too little, and 0 where none
     is found. It is the same each time.
     """
-    rows, columns = np.nonzero(mask)
-    chosen = np.linspace(0, len(rows) - 1, min(_PLACES, len(rows))).astype(np.int64)
+    seen = np.flatnonzero(mask)
+    chosen = np.linspace(0, len(seen) - 1, min(_PLACES, len(seen))).astype(np.int64)
     if len(chosen) == 0:
         return 0.0
-    place = (np.stack([columns, rows])[:, chosen] + 0.5) / np.array(mask.shape[::-1])[:, None]
+    rows, columns = np.divmod(seen[chosen], mask.shape[1])
+    place = (np.stack([columns, rows]) + 0.5) / np.array(mask.shape[::-1])[:, None]
     position = mi.Point2f(*np.repeat(place, _SAMPLES // len(chosen), axis=1).astype(np.float32))
     ray, share = camera.sample_ray(0, 0.5, position, mi.Point2f(0.5))
     si = scene.ray_intersect(ray)

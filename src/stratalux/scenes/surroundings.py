@@ -26,6 +26,8 @@ GROUND = "ground"
 GROUND_REFLECTANCE = 0.4
 GROUND_RADIUS = 100.0
 """In units of half the object's diagonal: the edge is so close to the horizon that it looks like one."""
+_AT_ONCE = 1 << 22
+"""Pixels whose rays are traced at the same time."""
 _ASPECT = 1.01
 """A picture whose sides differ by less from those of the film is stretched."""
 
@@ -97,15 +99,19 @@ def object_pixels(scene: mi.Scene, camera: mi.Sensor) -> NDArray[np.bool_]:
     """Pixels (H, W) that show something else than the ground and what is behind; without those at its edges, if any
     others are left."""
     width, height = (int(side) for side in camera.film().crop_size())
-    index = dr.arange(mi.UInt32, width * height)
-    position = (mi.Vector2f(index % width, index // width) + 0.5) / mi.Vector2f(width, height)
-    ray, _ = camera.sample_ray(0, 0.5, mi.Point2f(position), mi.Point2f(0.5))
-    si = scene.ray_intersect(ray)
-    seen = si.is_valid()
-    for shape in scene.shapes():
-        if shape.id() == GROUND:
-            seen &= si.shape != mi.ShapePtr(shape)
-    mask = seen.numpy().reshape(height, width)
+    mask = np.empty((height, width), dtype=bool)
+    step = max(1, _AT_ONCE // width)
+    for top in range(0, height, step):
+        rows = mask[top : top + step]
+        index = dr.arange(mi.UInt32, rows.size) + dr.opaque(mi.UInt32, top * width)
+        position = (mi.Vector2f(index % width, index // width) + 0.5) / mi.Vector2f(width, height)
+        ray, _ = camera.sample_ray(0, 0.5, mi.Point2f(position), mi.Point2f(0.5))
+        si = scene.ray_intersect(ray)
+        seen = si.is_valid()
+        for shape in scene.shapes():
+            if shape.id() == GROUND:
+                seen &= si.shape != mi.ShapePtr(shape)
+        rows[...] = seen.numpy().reshape(rows.shape)
     inner = shrunk(mask, camera.film())
     return inner if inner.any() else mask
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import importlib.util
 import logging
+import multiprocessing
 import os
 import threading
 import warnings
@@ -25,6 +26,7 @@ from uuid import uuid4
 import dask
 from distributed import CancelledError, Client, Future, LocalCluster, as_completed, wait
 from distributed import TimeoutError as Late
+from distributed.utils import get_mp_context
 
 from ...errors import InputError, SceneWarning
 from ...integrators.launches import Arrays, Launch
@@ -98,6 +100,10 @@ class Processes:
         count = int(self._where.removeprefix(LOCAL))
         try:
             self._made.enter_context(_quietly())
+            if "forkserver" in multiprocessing.get_all_start_methods():
+                self._made.enter_context(dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}))
+                get_mp_context()  # it names some of Dask's own first
+                multiprocessing.set_forkserver_preload(["distributed", f"{__package__}.worker"])
             local = LocalCluster(  # type: ignore[no-untyped-call]
                 n_workers=count,
                 threads_per_worker=max(1, (os.cpu_count() or 1) // count),

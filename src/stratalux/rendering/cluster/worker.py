@@ -37,13 +37,15 @@ _OF_LIMIT = 0.6
 """Of a worker's memory: Dask lets nothing begin beyond 80 %, and has the results of tasks beside."""
 _SCENES = 2
 """Kept by a worker."""
+_STAGES = 4
+"""Whose launches a worker is ready to make: a picture has two of two images at the same time, at most."""
 
 _memory: int | None = None
 """Bytes that launches may take here, with all that the process has, if it is known."""
 _renderer = ThreadPoolExecutor(1, "stratalux")
 """Dr.Jit's recordings are for one thread; Dask has several for its tasks."""
 _steps: OrderedDict[str, Steps] = OrderedDict()
-_launches: dict[tuple[str, str], Launch] = {}
+_launches: OrderedDict[tuple[str, str], Launch] = OrderedDict()
 _ahead: tuple[tuple[Any, ...], Loaded] | None = None
 """A scene that was loaded before anybody asked for it, after what it was loaded from."""
 
@@ -65,7 +67,7 @@ class Renderer(WorkerPlugin):
         _memory = int(limit * _OF_LIMIT) if limit else None
         if self._local:  # Ctrl-C reaches all processes of a terminal; it is the first one's to stop
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-        dr.set_thread_count(max(2, worker.state.nthreads))  # with one, Mitsuba waits for ever when it writes OpenEXR
+        dr.set_thread_count(worker.state.nthreads)
         choose_variant(self._variant)
         mi.load_dict({"type": "scene", "shape": {"type": "sphere"}})
         _renderer.submit(nobody_else_renders).result()
@@ -84,7 +86,7 @@ def made(job: Job, files: Mapping[str, bytes], stage: str, known: Mapping[str, A
 
 def in_turn(function: Callable[[Any], Any], part: Any) -> Any:
     """``function`` of ``part``, where everything is rendered."""
-    return _renderer.submit(function, part).result()
+    return _renderer.submit(_whatever, function, part).result()
 
 
 def prepared(job: Job) -> None:
@@ -101,6 +103,11 @@ def added(one: Arrays, other: Arrays) -> Arrays:
 def held(value: Any) -> Any:
     """The same: what is a task's result is found again when the worker that has it is lost."""
     return value
+
+
+def _whatever(function: Callable[[Any], Any], part: Any) -> Any:
+    dr.set_thread_count(max(2, dr.thread_count()))  # with one, Mitsuba waits for ever when it writes OpenEXR
+    return function(part)
 
 
 def _made(job: Job, files: Mapping[str, bytes], stage: str, known: Mapping[str, Any], first: int, last: int) -> Arrays:
@@ -136,7 +143,10 @@ def _launch(job: Job, files: Mapping[str, bytes], stage: str, known: Mapping[str
     place = job.key, stage
     if place not in _launches:
         steps = _loaded(job, files)
+        while len(_launches) >= _STAGES:
+            _launches.popitem(last=False)
         _launches[place] = steps.launch(stage, dict(known))
+    _launches.move_to_end(place)
     return _launches[place]
 
 
