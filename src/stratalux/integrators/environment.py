@@ -99,6 +99,7 @@ class MapCache(Generic[T]):
         self._key: tuple[Any, ...] | None = None
         self._held: Any = None
         self._tables: T | None = None
+        self._upright: Any = None
 
     @one_at_a_time
     def get(self, scene: mi.Scene) -> MapLight[T] | None:
@@ -110,8 +111,11 @@ class MapCache(Generic[T]):
         emitter = image_emitter(scene)
         if emitter is None:
             return None
-        _take_scale_out(emitter)
         params = mi.traverse(emitter)
+        if self._upright is None or _indices(params["to_world"]) != _indices(self._upright):
+            _take_scale_out(emitter, params)
+            # A reference of our own, as for the map
+            self._upright = type(params["to_world"])(dr.detach(params["to_world"]).matrix)
         to_world, scale = dr.detach(params["to_world"]), dr.detach(params["scale"])
         if self._tables is None or self._key != _key(emitter, params["data"]):
             self._tables = self._build(EnvironmentMap(_rgb_texels(emitter)))
@@ -122,9 +126,13 @@ class MapCache(Generic[T]):
         return MapLight(emitter, self._tables, to_world, scale, derivatives.wanted(scene))
 
 
-def _take_scale_out(emitter: mi.Emitter) -> None:
+def _indices(to_world: Any) -> tuple[int, ...]:
+    """Equal for equal matrices: Dr.Jit gives every changed array a new index."""
+    return tuple(value.index for row in dr.detach(to_world).matrix for value in row)
+
+
+def _take_scale_out(emitter: mi.Emitter, params: mi.SceneParameters) -> None:
     """Leave rotations and mirrors in ``to_world``: of anything else, Mitsuba's lookup makes another picture."""
-    params = mi.traverse(emitter)
     matrix = dr.detach(params["to_world"]).matrix.numpy().reshape(4, 4).astype(np.float64)
     squares = matrix[:3, :3] @ matrix[:3, :3].T
     scale = np.sqrt(np.trace(squares) / 3)

@@ -189,8 +189,7 @@ class PathStratified(Automatic):
         light = self._begin(scene, sensor)
         dim, other = DIM * light.mean, opaque_seed(mix(mi.UInt32(seed) ^ _PATHS_SEED))
         make = partial(SharingLauncher, Indirect(self, self._paths), self._paths)
-        launcher = self._launcher("paths", scene, sensor, make)
-        launcher.begin(light)
+        launcher = self._launcher("paths", light, scene, sensor, make)
         enclosed = launcher.enclosed()
         if not enclosed and (whole := self._whole(scene, sensor, spp, light)):
             own, many = memory.setdefault("whole", {}), spp * EACH
@@ -203,12 +202,12 @@ class PathStratified(Automatic):
         if enclosed:
             view = TiledView(launcher, self._most(sensor, own, spp))
             paths = TwoStages(view, view.first(spp), spp, other, dim, own, even=True)
-            return {**super()._parts(scene, sensor, seed, spp, memory), "paths": paths}
+            return {"direct": self._direct(light, scene, sensor, seed, spp, memory), "paths": paths}
         less, many = _shared_out(spp)
         view = View(launcher, None, self._most(sensor, own, less))
         pilot = pilot_paths(many, view.film.rfilter().is_box_filter())
         paths = TwoStages(view, pilot, many, other, dim, own, beside=lambda: memory["before"])
-        return {**super()._parts(scene, sensor, seed, less, memory), "paths": paths}
+        return {"direct": self._direct(light, scene, sensor, seed, less, memory), "paths": paths}
 
     def _whole(self, scene: mi.Scene, sensor: mi.Sensor, spp: int, light: AllocatedLight[Any]) -> Launcher | None:
         """For so few samples that all of the light is best estimated in one; None if it is not."""
@@ -221,8 +220,7 @@ class PathStratified(Automatic):
             return None
         # One for each kind of map, as this is compiled into kernels.
         make = partial(Launcher, Whole(self._paths, self.hide_emitters))
-        launcher = self._launcher("whole, in the sun" if bright.tables.sunny else "whole", scene, sensor, make)
-        launcher.begin(bright)
+        launcher = self._launcher("whole, in the sun" if bright.tables.sunny else "whole", bright, scene, sensor, make)
         *_, sight = launcher.seen
         return None if sight.straight else launcher
 

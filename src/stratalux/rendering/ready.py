@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 
 from ..errors import InputError, SceneWarning
@@ -72,11 +73,12 @@ def ready(loaded: Loaded, picture: PictureSettings, integrator: mi.Integrator | 
     if hasattr(integrator, "max_memory"):
         integrator.max_memory = picture.machine.max_memory
     start = time.perf_counter()
-    if hasattr(integrator, "prepare") and integrator.prepare(scene) is None:
-        rays_per_sample = 0
-    preparation = time.perf_counter() - start
-    rays = max(1, rays_per_sample * max(1, getattr(integrator, "proposals", 1) // 4))
-    steps = Steps(integrator, scene, camera, sampling.seed, spp, rays, picture.machine.max_memory)
+    with dr.suspend_grad():  # there are none of what is rendered so
+        if hasattr(integrator, "prepare") and integrator.prepare(scene) is None:
+            rays_per_sample = 0
+        preparation = time.perf_counter() - start
+        rays = max(1, rays_per_sample * max(1, getattr(integrator, "proposals", 1) // 4))
+        steps = Steps(integrator, scene, camera, sampling.seed, spp, rays, picture.machine.max_memory)
     return Ready(steps, integrator, camera, picture, about, rays_per_sample, spp, preparation)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import wraps
@@ -24,6 +25,8 @@ _turn = threading.RLock()
 """Held by the thread that prepares or renders."""
 _users: WeakSet[threading.Thread] = WeakSet()
 """Those that have ever done so."""
+_traced: list[float] = []
+"""Seconds that went into what was recorded since somebody has asked."""
 _only: threading.Thread | None = None
 """The one that nobody else renders beside, if it has said so."""
 
@@ -57,6 +60,13 @@ def step_by_step(steps: Iterator[Item]) -> Iterator[Item]:
         yield step
 
 
+def seconds_of_recordings() -> float:
+    """That have gone into tracing and compiling what was recorded since it was asked last."""
+    total = sum(_traced)
+    _traced.clear()
+    return total
+
+
 def recorded(function: Function, **options: Any) -> Function:
     """``function``, recorded by :func:`drjit.freeze` for each variant and each layout of its arguments.
 
@@ -74,8 +84,14 @@ def recorded(function: Function, **options: Any) -> Function:
             variant = mi.variant()
             if variant not in recordings:
                 recordings[variant] = dr.freeze(function, **{"warn_after": 1 << 30, **options})
-            with no_garbage_collection(), _no_other_thread():
-                return recordings[variant](*arguments)
+            replay = recordings[variant]
+            before, start = replay.n_recordings, time.perf_counter()  # type: ignore[attr-defined]
+            try:
+                with no_garbage_collection(), _no_other_thread():
+                    return replay(*arguments)
+            finally:
+                if replay.n_recordings != before:  # type: ignore[attr-defined]
+                    _traced.append(time.perf_counter() - start)
 
     return call  # type: ignore[return-value]
 

@@ -10,10 +10,11 @@ import drjit as dr
 import mitsuba as mi
 
 from ...sampling.recording import one_at_a_time, step_by_step
+from ..environment import image_emitter
 from ..launches import Arrays, Maker, here, of_part
 from ..memory import samples_at_once
 from ..sums import Memory, Noise, Pixels
-from .launch import Launcher
+from .launch import Constants, Launcher
 from .lobes import DIM
 from .sample import AllocatedLight, AutomaticSample
 from .stages import PARTS, TwoStages
@@ -41,6 +42,8 @@ class Automatic(AutomaticSample):
         self.max_memory: int | None = None
         """Bytes that launches may take, with all that the process has; None for half of what the machine has."""
         self._under_way: dict[str, TwoStages] = {}
+        self._constants: Constants = {}
+        """Of the picture that is under way."""
 
     @one_at_a_time
     def render(
@@ -87,7 +90,7 @@ class Automatic(AutomaticSample):
         if sensor.class_name() not in CAMERAS:
             return False
         special = mi.has_flag(film.flags(), mi.FilmFlags.Special) or mi.has_flag(film.flags(), mi.FilmFlags.Spectral)
-        return not (mi.is_spectral or special or film.sample_border()) and self.prepare(scene) is not None
+        return not (mi.is_spectral or special or film.sample_border()) and image_emitter(scene) is not None
 
     def passes(
         self,
@@ -138,14 +141,23 @@ class Automatic(AutomaticSample):
         self, scene: mi.Scene, sensor: mi.Sensor, seed: int | mi.UInt32, spp: int, memory: Memory
     ) -> dict[str, TwoStages]:
         """Images that make up the picture, by name; each has its part of the ``memory``."""
-        light = self._begin(scene, sensor)
-        launcher = self._launcher("direct", scene, sensor, partial(Launcher, self))
-        launcher.begin(light)
+        return {"direct": self._direct(self._begin(scene, sensor), scene, sensor, seed, spp, memory)}
+
+    def _direct(
+        self,
+        light: AllocatedLight,
+        scene: mi.Scene,
+        sensor: mi.Sensor,
+        seed: int | mi.UInt32,
+        spp: int,
+        memory: Memory,
+    ) -> TwoStages:
+        launcher = self._launcher("direct", light, scene, sensor, partial(Launcher, self))
         own, dim = memory.setdefault("direct", {}), DIM * light.mean
         few, grey = pilot_samples(spp), light.mean
         most = self._most(sensor, own, spp)
         view = View(launcher, launcher.look() if light.allocation.any_bsdf_samples else None, most)
-        return {"direct": TwoStages(view, few, spp, opaque_seed(seed), dim, own, grey=grey, varied=True)}
+        return TwoStages(view, few, spp, opaque_seed(seed), dim, own, grey=grey, varied=True)
 
     def _pilots(self, sensor: mi.Sensor, spp: int) -> tuple[int, ...]:
         """Samples of the pilots of all images, where there are ``spp`` of direct light."""
@@ -166,15 +178,22 @@ class Automatic(AutomaticSample):
         light = self.prepare(scene)
         assert light is not None
         sensor.film().prepare([])
+        self._constants = {}
         return light
 
     def _launcher(
-        self, part: str, scene: mi.Scene, sensor: mi.Sensor, make: Callable[[mi.Scene, mi.Sensor], AnyLauncher]
+        self,
+        part: str,
+        light: AllocatedLight[Any],
+        scene: mi.Scene,
+        sensor: mi.Sensor,
+        make: Callable[[mi.Scene, mi.Sensor], AnyLauncher],
     ) -> AnyLauncher:
-        """That of a part of the picture, which is kept for the next one."""
+        """That of a part of the picture, which is kept for the next one; it has begun."""
         launcher = self._launchers.get(part)
         if launcher is None or launcher.scene is not scene or launcher.sensor is not sensor:
             launcher = self._launchers[part] = make(scene, sensor)
+        launcher.begin(light, self._constants)
         return launcher  # type: ignore[return-value]  # a part has one kind
 
 

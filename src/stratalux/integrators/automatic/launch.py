@@ -23,6 +23,8 @@ from .visibility import Visibility
 _RECORDINGS = 8
 """Kept for one camera: a pilot's, later ones', and some changes of what is compiled into kernels."""
 
+Constants = dict[int, tuple[Hashable, ...]]
+"""Of parts of a scene, by their addresses."""
 Group = tuple[mi.UInt32, mi.UInt32] | None
 """The first of the lanes that one belongs together with, and the one after the last."""
 _Samples = tuple[mi.Spectrum, mi.Spectrum, mi.Bool | mi.Float, mi.Point2f]
@@ -98,12 +100,17 @@ class Launcher:
         for function in functions:
             self._recorded[function] = recorded(function, state_fn=self._state, limit=_RECORDINGS)
 
-    def begin(self, light: AllocatedLight[Any]) -> None:
-        """Look at the scene as it is now; the launches that follow render that."""
+    def begin(self, light: AllocatedLight[Any], known: Constants | None = None) -> None:
+        """Look at the scene as it is now; the launches that follow render that. ``known``: what has been seen of it by
+        other launchers of the same picture."""
         self._light, self._sight = light, self.integrator.sight(self.scene, light, self.sensor)
         self._others = OtherEmitters(self.scene, True, obstacles=self._sight.obstacles)
         parts = self.scene, self.sensor, *self._sight.parts()
-        self._fixed = tuple(constant for part in parts for constant in _constants(part))
+        known = {} if known is None else known
+        for part in parts:
+            if part.ptr not in known:
+                known[part.ptr] = tuple(_constants(part))
+        self._fixed = tuple(constant for part in parts for constant in known[part.ptr])
         # Its state, as wide as the last wavefront of another integrator, would be handed to every kernel replayed.
         self.sensor.sampler().seed(0, 1)
 
