@@ -44,8 +44,8 @@ def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
     def no_room(limit: int | None, size: tuple[int, int], per_pixel: int, per_sample: int, least: int) -> int:
         width, height = size
         if height > 2 * _ROWS:
-            picture = 4 * 4 * 4 * width * height
-            raise NoRoom("no room", picture + 2 * _ROWS * width * (per_pixel + per_sample), per_pixel + per_sample)
+            room, each = 16 * width * height, per_pixel + per_sample
+            raise NoRoom("no room", room + 2 * _ROWS * width * each, 1 << 40, each)
         return samples_at_once(limit, size, per_pixel, per_sample, least)
 
     for user in ("integrators.automatic.image", "rendering.steps"):
@@ -135,11 +135,12 @@ def test_it_is_told() -> None:
 
 
 def test_where_the_picture_itself_has_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    small = mi.load_dict({"type": "hdrfilm", "width": 1000, "height": 1000})
-    assert number(NoRoom("no room", 64_000_000 + 2 * 1000 * 100 * 1000, 1000.0), small) == 10
-    for room in (60_000_000, 64_000_000 + 2 * 1000 * 10 * 1000):  # a band of ten rows would be mostly edges
+    small, enough = mi.load_dict({"type": "hdrfilm", "width": 1000, "height": 1000}), 40_000_000
+    assert number(NoRoom("no room", 16_000_000 + 2 * 1000 * 100 * 1000, enough, 1000.0), small) == 10
+    # No room beside the picture; bands of ten rows, which would be mostly edges; no room for its files
+    for room, most in ((15_000_000, enough), (16_000_000 + 2 * 1000 * 10 * 1000, enough), (1 << 30, enough - 1)):
         with pytest.raises(InputError, match="no room"):
-            number(NoRoom("no room", room, 1000.0), small)
+            number(NoRoom("no room", room, most, 1000.0), small)
     monkeypatch.setattr(memory, "default_memory", lambda: 1 << 20)
     with pytest.raises(InputError, match=r"memory: a film of 600x400 pixels needs \d+M with its scene and map"):
         stratalux.render("demo", size=(600, 400), spp=1)

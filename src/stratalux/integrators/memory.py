@@ -14,11 +14,11 @@ _GIGA = 1 << 30
 
 
 class NoRoom(InputError):
-    """A film has none. ``room``: bytes that are left; ``each``: that one of its pixels takes."""
+    """A film has none. ``room``: bytes that are left for it; ``most``: for a moment; ``each``: what a pixel takes."""
 
-    def __init__(self, message: str, room: int, each: float) -> None:
+    def __init__(self, message: str, room: int, most: int, each: float) -> None:
         super().__init__(message)
-        self.room, self.each = room, each
+        self.room, self.most, self.each = room, most, each
 
 
 def resident() -> int:
@@ -51,7 +51,7 @@ def samples_at_once(max_memory: int | None, size: tuple[int, int], per_pixel: in
                 f"{what}: a film of {width}x{height} pixels needs {said(need)} with its scene and map, and there are "
                 f"{said(most)}; {'give more, or ' if max_memory is not None else ''}make the film smaller (--size)"
             )
-            raise NoRoom(message, limit - others, per_pixel + per_sample * least / pixels)
+            raise NoRoom(message, limit - others, most - others, per_pixel + per_sample * least / pixels)
         return least
     return 1 << ((room // per_sample).bit_length() - 1)
 

@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 import mitsuba as mi
+import numpy as np
 
 from ..errors import InputError
 from ..sampling.leaf_sampler import BrightLeafSampler
@@ -216,7 +217,7 @@ class PathStratified(Automatic):
         found = self._bright[light.allocation.any_glossy].get(scene)
         assert found is not None
         bright = AllocatedLight(found, light.allocation)
-        if spp > few(bright):
+        if spp > few(bright, int(np.prod(sensor.film().crop_size()))):
             return None
         # One for each kind of map, as this is compiled into kernels.
         make = partial(Launcher, Whole(self._paths, self.hide_emitters))

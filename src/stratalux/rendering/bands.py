@@ -17,9 +17,8 @@ NAME = "band:"
 """How the stages of a band are called, before its place."""
 _SHARE = 0.5
 """Of the room there is, that a band is made for: what launches take besides comes and goes."""
-_COPIES = 4
-"""Of the whole picture, that there has to be room for: files are made of it."""
-_CHANNELS = 4
+_KEPT, _WRITTEN = 16, 40
+"""Bytes that a pixel of the whole picture takes while others are rendered, and when files are made of it."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +59,8 @@ def number(error: NoRoom, film: mi.Film) -> int:
     """How many bands have room each, where the whole ``film`` has none. Raises that ``error`` if the picture itself has
     none, or a band would be hardly more than what it shares with its neighbours."""
     width, height = (int(side) for side in film.crop_size())
-    room = error.room - _COPIES * 4 * _CHANNELS * width * height
-    rows = int(_SHARE * room / (error.each * width)) if room > 0 else 0
-    if rows < 8 * max(1, reach_of(film)):
+    rows = int(_SHARE * (error.room - _KEPT * width * height) / (error.each * width))
+    if rows < 8 * max(1, reach_of(film)) or error.most < _WRITTEN * width * height:
         raise error
     return -(-height // rows)
 

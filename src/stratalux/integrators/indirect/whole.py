@@ -21,6 +21,9 @@ FEW, FEW_MATTE, FEW_DETAILED, FEW_IN_THE_SUN = 16, 4, 4, 128
 """Samples per pixel, at most, that are better spent so: usually, where all that is there is matte, where the map has so
 much detail inside of lobes that direct light takes :data:`~.vertex.DETAIL` proposals for each ray, and where nearly all
 light beyond the mean comes from one direction, as more rays bring nothing there."""
+USUAL = 10_000
+"""Pixels up to which that is so. In more, plans pay that are made of the pixels around: with four times as many, half
+as many samples are, and no less than four."""
 EACH = 4
 """Camera samples in the place of each of those asked for: they cost so much less."""
 LARGEST_MAP = 1 << 25
@@ -71,13 +74,15 @@ class Whole:
         return self._paths.whole(scene, light, sampler.index, sampler.seed, ray, mi.Bool(active))
 
 
-def few(light: AllocatedLight[BrightLeafSampler]) -> int:
-    """Samples per pixel, at most, that are better spent so under this map, on what there is."""
+def few(light: AllocatedLight[BrightLeafSampler], pixels: int) -> int:
+    """Samples per pixel, at most, that are better spent so under this map, on what there is, in so many pixels."""
     if light.tables.sunny:
         return FEW_IN_THE_SUN
     if not light.allocation.any_bsdf_samples:
         return FEW_MATTE
-    return FEW_DETAILED if light.allocation.most_proposals >= DETAIL else FEW
+    if light.allocation.most_proposals >= DETAIL:
+        return FEW_DETAILED
+    return max(FEW_DETAILED, round(FEW * min(1.0, USUAL / pixels) ** 0.5))
 
 
 def pilot_whole(light: AllocatedLight[BrightLeafSampler], spp: int, pixels: int) -> int:
