@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -144,6 +145,17 @@ def test_where_the_picture_itself_has_no_room(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(memory, "default_memory", lambda: 1 << 20)
     with pytest.raises(InputError, match=r"memory: a film of 600x400 pixels needs \d+M with its scene and map"):
         stratalux.render("demo", size=(600, 400), spp=1)
+
+
+def test_what_was_begun_as_a_whole_stays_one(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
+    """With less memory, it cannot go on; nothing of it is lost."""
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", 2000)
+    scene, asked = film(), {"spp": 8, "seed": 3, "direct": True}
+    first = next(stratalux.render_passes(scene, **asked))
+    request.getfixturevalue("narrow")
+    with pytest.raises(InputError, match="no room"):
+        stratalux.render(scene, **asked, resume=first.checkpoint())
+    assert pickle.loads(pickle.dumps(NoRoom("no room", 1, 2, 3.0))).each == 3.0  # from a worker
 
 
 @SOME

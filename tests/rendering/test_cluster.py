@@ -18,6 +18,7 @@ import pytest
 
 import stratalux
 from stratalux import InputError
+from stratalux.errors import SceneWarning
 from stratalux.rendering.settings import PictureSettings
 from tests.helpers import hall_map, scene_dict
 from tests.scenes.formats.gltf_files import Gltf
@@ -83,6 +84,23 @@ def test_the_picture_is_the_same(scheduler: str) -> None:
         assert there.spp == alone[-1][1].spp
         np.testing.assert_allclose(there.image, alone[-1][1].image, rtol=1e-5, atol=1e-6)
     assert passes[-1].picture is not None and passes[-1].picture.machine.cluster == scheduler
+
+
+def test_a_film_in_bands(scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many as the memory here asks for; whoever renders which of them."""
+    from stratalux.integrators.memory import NoRoom, samples_at_once
+
+    def no_room(limit: int | None, size: tuple[int, int], *each: int) -> int:
+        if size[1] > 30:
+            raise NoRoom("no room", 16 * size[0] * size[1] + 2 * 18 * size[0] * each[0], 1 << 40, each[0])
+        return samples_at_once(limit, size, *each)
+
+    monkeypatch.setattr("stratalux.integrators.automatic.image.samples_at_once", no_room)
+    asked = {"size": (24, 48), "spp": 8, "seed": 3}
+    with pytest.warns(SceneWarning, match="in 3 bands"):
+        here, there = (stratalux.render("demo", **asked, cluster=where) for where in (None, scheduler))
+    assert here.parts == there.parts == 3 and here.image.min(axis=(1, 2)).any()
+    np.testing.assert_allclose(there.image, here.image, rtol=1e-5, atol=1e-6)
 
 
 def test_workers_without_the_files_are_sent_them(workers: Any, scheduler: str, tmp_path: Path) -> None:

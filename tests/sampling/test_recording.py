@@ -16,7 +16,13 @@ import mitsuba as mi
 import pytest
 
 from stratalux.sampling import recording
-from stratalux.sampling.recording import no_garbage_collection, one_at_a_time, recorded, step_by_step
+from stratalux.sampling.recording import (
+    no_garbage_collection,
+    one_at_a_time,
+    recorded,
+    seconds_of_recordings,
+    step_by_step,
+)
 from tests.helpers import PATIENCE
 from tests.variants import MONO
 
@@ -98,10 +104,27 @@ def test_threads_that_outlive_the_program_may_render(thread: Callable[..., threa
 
 def test_many_layouts_are_no_reason_to_warn(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[dict[str, Any]] = []
-    monkeypatch.setattr(dr, "freeze", lambda function, **options: seen.append(options) or function)
+
+    def freeze(function: Any, **options: Any) -> Any:
+        seen.append(options)
+        function.n_recordings = 0
+        return function
+
+    monkeypatch.setattr(dr, "freeze", freeze)
     recorded(lambda: None)()
     recorded(lambda: None, limit=3, warn_after=2)()
     assert seen[0]["warn_after"] > 1 << 20 and seen[1] == {"limit": 3, "warn_after": 2}
+
+
+def test_how_long_recordings_have_taken() -> None:
+    """Those alone, and each once."""
+    seconds_of_recordings()
+    twice = recorded(lambda x: 2 * x)
+    assert twice(mi.Float(1, 2)).numpy().tolist() == [2, 4]
+    first = seconds_of_recordings()
+    assert first > 0 == seconds_of_recordings()
+    twice(mi.Float(3, 4))
+    assert seconds_of_recordings() == 0
 
 
 @pytest.mark.parametrize("enabled", [True, False])

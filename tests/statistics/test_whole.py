@@ -144,7 +144,7 @@ def test_how_few_they_are(texels: Any, material: str, expected: str, monkeypatch
     assert whole.few(bright, 1) == whole.few(bright, whole.USUAL) == 77
     # In more pixels, plans pay that are made of those around.
     assert whole.few(bright, 4 * whole.USUAL) == (38 if expected == "FEW" else 77)
-    assert whole.few(bright, 1 << 24) == (whole.FEW_DETAILED if expected == "FEW" else 77)
+    assert whole.few(bright, 1 << 24) == (whole.FEW_IN_MANY if expected == "FEW" else 77)
 
 
 @pytest.mark.parametrize(("texels", "planned"), [(None, True), (sun_map(), False)])

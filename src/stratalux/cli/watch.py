@@ -143,7 +143,8 @@ def watch(start: Callable[[], Iterator[RenderResult]], keeper: Keeper | None, *,
 def _said(result: RenderResult) -> str:
     spp = result.picture.sampling.spp if result.picture else result.spp_total
     error = f", error {100 * result.error:.2g} %" if result.error is not None else ""
-    return f"{result.spp}/{spp} spp{error}" if spp else f"{result.spp} spp{error}"
+    band = f", band {result.part + 1}/{result.parts}" if result.parts > 1 else ""
+    return f"{result.spp}/{spp} spp{error}{band}" if spp else f"{result.spp} spp{error}{band}"
 
 
 def _tell(text: str) -> None:

@@ -16,7 +16,7 @@ _GIGA = 1 << 30
 class NoRoom(InputError):
     """A film has none. ``room``: bytes that are left for it; ``most``: for a moment; ``each``: what a pixel takes."""
 
-    def __init__(self, message: str, room: int, most: int, each: float) -> None:
+    def __init__(self, message: str, room: int = 0, most: int = 0, each: float = 1.0) -> None:
         super().__init__(message)
         self.room, self.most, self.each = room, most, each
 

@@ -54,7 +54,7 @@ class Step:
 
 class Steps:
     """Those of a picture. ``rays``: light samples for each camera sample, in all. ``max_memory``: bytes that the
-    process may take, see :func:`~..integrators.memory.samples_at_once`. ``height``: rows of the film, unless all."""
+    process may take, see :func:`~..integrators.memory.samples_at_once`."""
 
     def __init__(
         self,
@@ -78,11 +78,14 @@ class Steps:
     def all(self, memory: Memory, make: Maker = here) -> Iterator[Step]:
         """Pass by pass. ``memory``: of what is done, and of nothing at first. ``make``: who makes them."""
         if _BANDS not in memory:
+            begun = bool(memory)
             try:
                 for raw, done, noise in self._whole(memory, make):
                     yield Step(self._developed(raw), done, noise)
                 return
             except NoRoom as error:
+                if begun:  # as a whole
+                    raise
                 count = number(error, self._camera.film())
                 memory.clear()
                 memory[_BANDS] = np.array(count)

@@ -21,9 +21,9 @@ FEW, FEW_MATTE, FEW_DETAILED, FEW_IN_THE_SUN = 16, 4, 4, 128
 """Samples per pixel, at most, that are better spent so: usually, where all that is there is matte, where the map has so
 much detail inside of lobes that direct light takes :data:`~.vertex.DETAIL` proposals for each ray, and where nearly all
 light beyond the mean comes from one direction, as more rays bring nothing there."""
-USUAL = 10_000
+USUAL, FEW_IN_MANY = 10_000, 4
 """Pixels up to which that is so. In more, plans pay that are made of the pixels around: with four times as many, half
-as many samples are, and no less than four."""
+as many samples are, and so many at least."""
 EACH = 4
 """Camera samples in the place of each of those asked for: they cost so much less."""
 LARGEST_MAP = 1 << 25
@@ -82,7 +82,7 @@ def few(light: AllocatedLight[BrightLeafSampler], pixels: int) -> int:
         return FEW_MATTE
     if light.allocation.most_proposals >= DETAIL:
         return FEW_DETAILED
-    return max(FEW_DETAILED, round(FEW * min(1.0, USUAL / pixels) ** 0.5))
+    return max(FEW_IN_MANY, round(FEW * min(1.0, USUAL / pixels) ** 0.5))
 
 
 def pilot_whole(light: AllocatedLight[BrightLeafSampler], spp: int, pixels: int) -> int:
