@@ -725,6 +725,8 @@ def test_a_few_samples_less_than_asked_for_are_no_interruption() -> None:
         camera_rays=1,
         shadow_rays=1,
         seconds=1.0,
+        part=0,
+        parts=1,
         picture=None,
         error=None,
         enough=False,

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -144,3 +145,25 @@ def test_killed_at_fifty_moments(tmp_path: Path) -> None:
             assert run(tmp_path, *PICTURE, "--resume", kept.name, "-o", "killed.exr")[0] == 0
             np.testing.assert_array_equal(pixels(tmp_path / "killed.exr"), pixels(tmp_path / "whole.exr"))
             os.unlink(tmp_path / "killed.exr")
+
+
+def test_what_takes_long_to_keep_is_kept_rarely(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten seconds for each checkpoint: the next one comes after twenty times that, and not every minute."""
+    from types import SimpleNamespace
+
+    from stratalux.cli.watch import Keeper
+
+    now, kept = 0.0, []
+
+    def save(path: Path) -> None:
+        nonlocal now
+        kept.append(now)
+        now += 10.0
+
+    monkeypatch.setattr("stratalux.cli.watch.time.monotonic", lambda: now)
+    result: Any = SimpleNamespace(checkpoint=lambda: SimpleNamespace(save=save))
+    keeper = Keeper(tmp_path / "a.checkpoint", True, 60.0)
+    while now < 700:
+        now += 5.0
+        keeper.after(result)
+    assert kept == [60.0, 270.0, 480.0, 690.0]

@@ -79,6 +79,7 @@ def test_a_million_samples_of_a_pixel_have_the_right_weights(monkeypatch: pytest
         ("1000x800", ("-s", "32", "--direct", "--max-memory", "1400M")),
         ("1000x800", ("-s", "16", "--max-memory", "1950M")),
         ("2000x1500", ("-s", "2", "--max-memory", "1G", "-t", "importance:samples=2")),
+        ("3000x2000", ("-s", "1", "--max-memory", "1500M", "--direct")),
     ],
 )
 def test_the_limit_holds(size: str, words: tuple[str, ...], tmp_path: Path) -> None:
