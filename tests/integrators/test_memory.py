@@ -40,8 +40,8 @@ def test_what_there_is_room_for() -> None:
 
 def test_a_film_that_is_too_large_is_refused() -> None:
     for technique in ("stratified", "path-stratified", "path"):
-        with pytest.raises(InputError, match=r"max_memory: a film of 4000x3000 pixels .* there are 1000M;"):
-            stratalux.render("demo", size=(4000, 3000), spp=1, technique=technique, max_memory=1000 << 20)
+        with pytest.raises(InputError, match=r"max_memory: a film of 8000x6000 pixels .* there are 1000M;"):
+            stratalux.render("demo", size=(8000, 6000), spp=1, technique=technique, max_memory=1000 << 20)
     with pytest.raises(InputError, match=r"memory: a film of 65536x65536 .*; make the film smaller \(--size\)"):
         samples_at_once(None, (1 << 16, 1 << 16), 1000, 250, 1)
 
