@@ -48,14 +48,13 @@ def samples_at_once(max_memory: int | None, size: tuple[int, int], per_pixel: in
         if need > most:
             what = "max_memory" if max_memory is not None else "memory"
             message = (
-                f"{what}: a film of {width}x{height} pixels needs {said(need)} with its scene and map, and there are "
-                f"{said(most)}; {'give more, or ' if max_memory is not None else ''}make the film smaller (--size)"
+                f"{what}: a film of {width}x{height} pixels needs {_said(need)} with its scene and map, and there are "
+                f"{_said(most)}; {'give more, or ' if max_memory is not None else ''}make the film smaller (--size)"
             )
             raise NoRoom(message, limit - others, most - others, per_pixel + per_sample * least / pixels)
         return least
     return 1 << ((room // per_sample).bit_length() - 1)
 
 
-def said(size: int) -> str:
-    """In words."""
+def _said(size: int) -> str:
     return f"{size / _GIGA:.1f}G" if size >= 10 * (_GIGA >> 3) else f"{-(-size >> 20)}M"

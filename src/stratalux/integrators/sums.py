@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -86,6 +87,12 @@ class Sums:
 def _grey(raw: NDArray[Any]) -> NDArray[Any]:
     colours = 3 if raw.shape[-1] > 3 else 1
     return np.stack([raw[..., :colours].mean(axis=-1), raw[..., -1]], axis=-1)
+
+
+def reach_of(film: mi.Film) -> int:
+    """How many pixels beyond its own a sample counts in."""
+    filter = film.rfilter()
+    return 0 if filter.is_box_filter() else int(np.ceil(filter.radius() - 0.5))
 
 
 def normalised(sums: NDArray[Any]) -> Pixels:

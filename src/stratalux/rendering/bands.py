@@ -12,6 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..integrators.memory import NoRoom
+from ..integrators.sums import reach_of
 
 NAME = "band:"
 """How the stages of a band are called, before its place."""
@@ -49,12 +50,6 @@ def bands(height: int, count: int, reach: int) -> list[Band]:
     return [Band(top, bottom, max(0, top - reach), min(height, bottom + reach)) for top, bottom in pairwise(cuts)]
 
 
-def reach_of(film: mi.Film) -> int:
-    """How many pixels beyond its own a sample counts in."""
-    filter = film.rfilter()
-    return 0 if filter.is_box_filter() else int(np.ceil(filter.radius() - 0.5))
-
-
 def number(error: NoRoom, film: mi.Film) -> int:
     """How many bands have room each, where the whole ``film`` has none. Raises that ``error`` if the picture itself has
     none, or a band would be hardly more than what it shares with its neighbours."""
@@ -84,12 +79,10 @@ def _crop(camera: mi.Sensor, size: list[int], offset: list[int]) -> None:
 
 
 def empty_like(band: mi.Bitmap, height: int) -> mi.Bitmap:
-    """The bitmap of the whole film, black so far, for one of a ``band``."""
+    """A bitmap of the whole film, for one of a ``band``."""
     names = [field.name for field in band.struct_()]
     size = [band.width(), height]
-    whole = mi.Bitmap(band.pixel_format(), band.component_format(), size, band.channel_count(), names)
-    pixels_of(whole)[...] = 0  # so that its memory is there, and counts
-    return whole
+    return mi.Bitmap(band.pixel_format(), band.component_format(), size, band.channel_count(), names)
 
 
 def pixels_of(bitmap: mi.Bitmap) -> Any:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ..errors import SceneWarning
 from ..integrators.launches import Arrays, Launch, Maker, grown, here, number_for, of_part
 from ..integrators.memory import NoRoom, samples_at_once
-from ..integrators.sums import UNLIMITED, Memory, Noise, Sums
-from .bands import NAME, Band, bands, empty_like, number, only, pixels_of, reach_of
+from ..integrators.sums import UNLIMITED, Memory, Noise, Sums, reach_of
+from .bands import NAME, Band, bands, empty_like, number, only, pixels_of
 from .settings import LARGEST_SEED
 
 _SAMPLES_PER_PASS = 1 << 25
@@ -157,7 +157,7 @@ class Steps:
             camera.film().prepare([])
             whole = empty_like(camera.film().bitmap(), height)
         pixels = pixels_of(whole)
-        pixels[...] = memory.get("pixels", 0)
+        pixels[...] = memory.get("pixels", 0)  # also so that its memory is there, and counts
         memory["pixels"] = pixels
         self._parts = int(memory[_BANDS])
         done = memory.setdefault("spp", np.zeros(self._parts))
@@ -178,7 +178,9 @@ class Steps:
             for bitmap, done[part], noise in self._inside(band, memory.setdefault("now", {}), make):
                 pixels[rows] = pixels_of(bitmap)[inner]
                 if noise is not None:
-                    memory.setdefault("noise", np.full((height, width), np.nan, np.float32))[rows] = noise[inner]
+                    if "noise" not in memory:
+                        memory["noise"] = np.full((height, width), np.nan, np.float32)
+                    memory["noise"][rows] = noise[inner]
                 yield step(rows)
                 if self._next:
                     break

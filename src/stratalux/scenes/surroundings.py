@@ -16,6 +16,7 @@ from ..errors import InputError, SceneWarning
 from ..images.half import single
 from ..images.reading import read_image
 from ..images.repair import repair
+from ..images.strips import strips
 from ..integrators.environment import image_emitter, stored_texels
 from ..maps.blur import blurred
 from .settings import colour_of
@@ -26,8 +27,6 @@ GROUND = "ground"
 GROUND_REFLECTANCE = 0.4
 GROUND_RADIUS = 100.0
 """In units of half the object's diagonal: the edge is so close to the horizon that it looks like one."""
-_AT_ONCE = 1 << 22
-"""Pixels whose rays are traced at the same time."""
 _ASPECT = 1.01
 """A picture whose sides differ by less from those of the film is stretched."""
 
@@ -100,10 +99,9 @@ def object_pixels(scene: mi.Scene, camera: mi.Sensor) -> NDArray[np.bool_]:
     others are left."""
     width, height = (int(side) for side in camera.film().crop_size())
     mask = np.empty((height, width), dtype=bool)
-    step = max(1, _AT_ONCE // width)
-    for top in range(0, height, step):
-        rows = mask[top : top + step]
-        index = dr.arange(mi.UInt32, rows.size) + dr.opaque(mi.UInt32, top * width)
+    for some in strips(height, width):
+        rows = mask[some]
+        index = dr.arange(mi.UInt32, rows.size) + dr.opaque(mi.UInt32, some.start * width)
         position = (mi.Vector2f(index % width, index // width) + 0.5) / mi.Vector2f(width, height)
         ray, _ = camera.sample_ray(0, 0.5, mi.Point2f(position), mi.Point2f(0.5))
         si = scene.ray_intersect(ray)

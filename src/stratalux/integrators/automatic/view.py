@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...sampling.exact import ExactSums
 from ...sampling.points import mix
 from ..launches import Arrays, accumulate, grown, number_for
-from ..sums import UNLIMITED, Pixels, normalised
+from ..sums import UNLIMITED, Pixels, normalised, reach_of
 from .adaptive import Plan, plan_samples
 from .launch import Group, Launch, Launcher
 from .look import Look
@@ -183,7 +183,7 @@ class View:
         """The film's channels (H, W, C) with a ``value`` and an ``alpha`` at the place of each sample, times its
         ``weight``, which is 1 at most and the last channel. ``most``: samples of a pixel."""
         filter = self.film.rfilter()
-        reach = 0 if filter.is_box_filter() else int(np.ceil(filter.radius() - 0.5))
+        reach = reach_of(self.film)
         colours = [value[c % dr.size_v(mi.Spectrum)] * weight for c in range(3)]
         alphas = [dr.select(alpha, weight, 0) if dr.is_mask_v(alpha) else alpha * weight]
         if self.channels < 5:
@@ -313,10 +313,9 @@ class Pilot:
         pilot, difference = mi.TensorXf(means[0]), mi.TensorXf(means[1] if self._varied else np.zeros_like(means[0]))
         if beside is not None:
             pilot += mi.TensorXf(np.moveaxis(beside[..., :3], -1, 0)[:, None])
-        filter = view.film.rfilter()
-        box = filter.is_box_filter()
         # With a wider filter, a sample counts in several pixels, so each needs later ones.
-        least, footprint = (self.count, 0) if box else (2 * self.count, int(np.ceil(filter.radius() - 0.5)))
+        least = self.count if view.film.rfilter().is_box_filter() else 2 * self.count
+        footprint = reach_of(view.film)
         marks = view.look.marks if view.look else ()
         known = KNOWN if budget >= UNLIMITED else budget
         costs = [mi.Float(self.found["costs"])] if "costs" in self.found else []
