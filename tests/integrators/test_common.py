@@ -74,7 +74,7 @@ def test_what_resampling_follows() -> None:
 
 
 def test_a_table_by_identity() -> None:
-    from stratalux.integrators.common import by_identity
+    from stratalux.integrators.identities import by_identity
 
     kept = [mi.load_dict({"type": "diffuse"}) for _ in range(5)]
     pointers = mi.BSDFPtr([kept[3], kept[1], kept[4]])

@@ -318,21 +318,6 @@ def draw(
     return bs, value / bs.pdf, found & (bs.pdf > 0)
 
 
-def by_identity(pointers: Any, values: mi.UInt32, default: int, another: tuple[Any, int] | None = None) -> mi.UInt32:
-    """A table of the ``values`` of ``pointers`` by the number that Dr.Jit gives each, which is not the same twice.
-
-    ``another``: one more pointer, and its value.
-    """
-    identity = dr.reinterpret_array(mi.UInt32, pointers)
-    if another is not None:
-        identity = dr.concat((identity, dr.reinterpret_array(mi.UInt32, another[0])))
-        values = dr.concat((values, mi.UInt32(another[1])))
-    table = dr.full(mi.UInt32, default, int(dr.max(identity)[0]) + 1)
-    dr.scatter(table, values, identity)
-    dr.eval(table)
-    return table
-
-
 def emits(si: mi.SurfaceInteraction3f) -> mi.Bool:
     return si.shape.emitter() != None  # noqa: E711
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import partial
+from collections.abc import Callable, Iterator
+from functools import partial, reduce
 from typing import Any
 
 import mitsuba as mi
@@ -19,12 +19,15 @@ from .automatic.nested_strata import PixelPoints
 from .automatic.sample import AllocatedLight, AutomaticSample
 from .automatic.stages import TwoStages
 from .automatic.view import View, pilot_samples
+from .both_ways import BothWays
 from .environment import MapCache
 from .indirect.image import Indirect, added, pilot_paths
+from .indirect.light_paths import LightLauncher, LightView
 from .indirect.paths import Paths
 from .indirect.sharing import SharingLauncher
 from .indirect.tiles import TiledView
-from .indirect.whole import EACH, FEW_IN_THE_SUN, Whole, few, pilot_whole, too_large
+from .indirect.vertex import VertexLight
+from .indirect.whole import EACH, FEW_IN_THE_SUN, FewRays, Whole, few, pilot_whole, too_large
 from .launches import Maker, of_part
 from .other_emitters import OtherEmitters
 from .sight import Sight
@@ -53,7 +56,7 @@ _FEWER, _MORE = 2, 2
 """Camera samples of direct light are so many times fewer than those asked for, and paths so many times more: with all
 their strata, samples of direct light cost as much and have much smaller errors. Paths that share what they find are
 better and dearer: of these, there are as many as samples of direct light."""
-_PATHS_SEED = 0x1B873593
+_PATHS_SEED, _LIGHT_SEED = 0x1B873593, 0xCC9E2D51
 _NO_DERIVATIVES = "path_stratified: has no derivatives; use Mitsuba's 'prb', or 'direct_stratified' for direct light"
 
 
@@ -158,26 +161,23 @@ class PathStratified(Automatic):
             return
         spp = spp or sensor.sampler().sample_count()
         parts = self._under_way = self._parts(scene, sensor, seed, spp, memory)
-        if "whole" in parts:
-            for image, done, noise in parts["whole"].passes(of_part(make, "whole")):
-                yield image, done / EACH, noise
-            return
-        direct, paths = (parts[name].passes(of_part(make, name)) for name in ("direct", "paths"))
-        # What each one stands for
-        of_direct, of_paths = (1.0, 1.0) if spp >= UNLIMITED else (spp / parts["direct"].spp, spp / parts["paths"].spp)
-        first, done, noise = next(direct)
-        memory.setdefault("before", first)
-        rest, rendered, other = next(paths)
+        passes = {name: part.passes(of_part(make, name)) for name, part in parts.items()}
+        # What a sample of each one stands for
+        worth = {name: 1.0 if spp >= UNLIMITED else spp / part.spp for name, part in parts.items()}
+        so_far: dict[str, tuple[Pixels, float, Noise]] = {}
+        for name, those in passes.items():
+            so_far[name] = next(those)
+            if name == "direct":  # for those beside it
+                memory.setdefault("before", so_far[name][0])
         while True:
-            yield added(first, rest), (done * of_direct + rendered * of_paths) / 2, added_noise(noise, other)
-            # The part that is behind goes on, or the other one where that has come to its end.
-            ahead = done * of_direct > rendered * of_paths
-            for part in ("paths", "direct") if ahead else ("direct", "paths"):
-                if part == "direct" and (step := next(direct, None)):
-                    first, done, noise = step
-                    break
-                if part == "paths" and (step := next(paths, None)):
-                    rest, rendered, other = step
+            image, noise = reduce(added, (image for image, *_ in so_far.values())), None
+            done = {name: samples * worth[name] for name, (_, samples, _) in so_far.items()}
+            noise = reduce(added_noise, (noise for *_, noise in so_far.values()))
+            yield image, sum(done.values()) / len(done), noise
+            # The part that is most behind goes on, or another one where that has come to its end.
+            for name in sorted(passes, key=done.__getitem__):
+                if step := next(passes[name], None):
+                    so_far[name] = step
                     break
             else:
                 return
@@ -192,23 +192,58 @@ class PathStratified(Automatic):
         make = partial(SharingLauncher, Indirect(self, self._paths), self._paths)
         launcher = self._launcher("paths", light, scene, sensor, make)
         enclosed = launcher.enclosed()
-        if not enclosed and (whole := self._whole(scene, sensor, spp, light)):
+        straight = launcher.seen[-1].straight
+        if not enclosed and not straight and (whole := self._whole(scene, sensor, spp, light)):
+            ways = BothWays.of(scene, sensor, 1 / EACH)
+            whole.share(ways)
             own, many = memory.setdefault("whole", {}), spp * EACH
             view: View = View(whole, None, self._most(sensor, own, many))
             pilot = pilot_whole(whole.seen[0], spp, view.pixels)
             if even := pilot == many:
                 pilot = view.first(many)
-            return {"whole": TwoStages(view, pilot, many, opaque_seed(seed), dim, own, even=even)}
+            parts = {"whole": TwoStages(view, pilot, many, opaque_seed(seed), dim, own, even=even)}
+            if ways is not None:
+                of_light = self._light_paths("few light paths", whole, FewRays)
+                parts["light"] = self._beside(of_light, ways, sensor, seed, spp, dim, memory)
+            return parts
         own = memory.setdefault("paths", {})
         if enclosed:
             view = TiledView(launcher, self._most(sensor, own, spp))
             paths = TwoStages(view, view.first(spp), spp, other, dim, own, even=True)
             return {"direct": self._direct(light, scene, sensor, seed, spp, memory), "paths": paths}
         less, many = _shared_out(spp)
+        ways = None if straight else BothWays.of(scene, sensor, spp / many)
+        launcher.share(ways)
         view = View(launcher, None, self._most(sensor, own, less))
         pilot = pilot_paths(many, view.film.rfilter().is_box_filter())
         paths = TwoStages(view, pilot, many, other, dim, own, beside=lambda: memory["before"])
-        return {"direct": self._direct(light, scene, sensor, seed, less, memory), "paths": paths}
+        parts = {"direct": self._direct(light, scene, sensor, seed, less, memory), "paths": paths}
+        if ways is not None:
+            of_light = self._light_paths("light paths", launcher, VertexLight)
+            parts["light"] = self._beside(of_light, ways, sensor, seed, spp, dim, memory)
+        return parts
+
+    def _light_paths(self, name: str, beside: Launcher, arriving: Callable[..., VertexLight]) -> LightLauncher:
+        light, *_ = beside.seen
+        make = partial(LightLauncher, beside.integrator, self._paths, arriving)
+        return self._launcher(name, light, beside.scene, beside.sensor, make)
+
+    def _beside(
+        self,
+        launcher: LightLauncher,
+        ways: BothWays,
+        sensor: mi.Sensor,
+        seed: int | mi.UInt32,
+        spp: int,
+        dim: float,
+        memory: Memory,
+    ) -> TwoStages:
+        """One light path for each sample that is asked for."""
+        launcher.share(ways)
+        own = memory.setdefault("light", {})
+        view = LightView(launcher, self._most(sensor, own, spp))
+        other = opaque_seed(mix(mi.UInt32(seed) ^ _LIGHT_SEED))
+        return TwoStages(view, view.first(spp), spp, other, dim, own, even=True)
 
     def _whole(self, scene: mi.Scene, sensor: mi.Sensor, spp: int, light: AllocatedLight[Any]) -> Launcher | None:
         """For so few samples that all of the light is best estimated in one; None if it is not."""
@@ -221,9 +256,7 @@ class PathStratified(Automatic):
             return None
         # One for each kind of map, as this is compiled into kernels.
         make = partial(Launcher, Whole(self._paths, self.hide_emitters))
-        launcher = self._launcher("whole, in the sun" if bright.tables.sunny else "whole", bright, scene, sensor, make)
-        *_, sight = launcher.seen
-        return None if sight.straight else launcher
+        return self._launcher("whole, in the sun" if bright.tables.sunny else "whole", bright, scene, sensor, make)
 
     def _pilots(self, sensor: mi.Sensor, spp: int) -> tuple[int, ...]:
         if not self._paths.any:

@@ -7,6 +7,7 @@ from typing import Any
 import mitsuba as mi
 
 from .backdrop import Background, Light, Nothing, Plate
+from .both_ways import BothWays
 from .catcher import Catcher
 from .straight import Obstacles, lets_through
 
@@ -16,6 +17,7 @@ class Sight:
 
     ``backdrop``: what camera rays see that meet nothing, None where that is as the scene has it. ``catcher``: what
     shows nothing but shadows. ``straight``: whether camera rays pass anything. ``fades``: whether alpha is a share.
+    ``ways``: how paths from the camera share with those from the map, where there are such.
     """
 
     def __init__(
@@ -34,6 +36,7 @@ class Sight:
         self.backdrop = _backdrop(scene, background, sensor)
         if catcher is not None and self.backdrop is None:
             self.backdrop = Nothing() if hidden else Light(scene.environment())
+        self.ways: BothWays | None = None
         self.fades = catcher is not None and isinstance(self.backdrop, Nothing)
 
     def parts(self) -> tuple[mi.Object, ...]:
@@ -43,7 +46,8 @@ class Sight:
 
     def arrays(self) -> tuple[Any, ...]:
         """What kernels read besides the scene's own."""
-        return self.parts(), self.catcher.arrays() if self.catcher is not None else ()
+        catcher = self.catcher.arrays() if self.catcher is not None else ()
+        return self.parts(), catcher, self.ways.arrays() if self.ways is not None else ()
 
 
 def _backdrop(scene: mi.Scene, background: Background, sensor: mi.Sensor | None) -> Light | Nothing | Plate | None:

@@ -11,6 +11,7 @@ import mitsuba as mi
 
 from ...sampling.points import mix, sobol_2d
 from ...sampling.recording import living_bsdfs, recorded
+from ..both_ways import BothWays
 from ..derivatives import parameters
 from ..light_samples import SharedLight
 from ..other_emitters import OtherEmitters
@@ -156,6 +157,10 @@ class Launcher:
         points, ray, importance, place = camera_samples(sensor, width, extent, launch)
         L, alpha = self.integrator.radiance(scene, light, others, sight, points, ray, True)
         return L * importance, points.difference * importance, alpha, place
+
+    def share(self, ways: BothWays | None) -> None:
+        """What there is to find, with paths from the map."""
+        self.seen[-1].ways = ways
 
     @property
     def seen(self) -> tuple[AllocatedLight[Any], OtherEmitters, Sight]:

@@ -9,8 +9,9 @@ import drjit as dr
 import mitsuba as mi
 
 from ...sampling.leaf_sampler import LeafSampler
-from ..common import by_identity, draw, only, target
+from ..common import draw, only, target
 from ..environment import MapLight
+from ..identities import by_identity, told
 
 DIM = 0.15
 """Of the map's mean radiance: surfaces darker than that are not thought to be looked at for their noise."""
@@ -107,9 +108,7 @@ class Allocation:
 
         ``detailed``: 1 in pixels that are, or 0.
         """
-        identity = dr.reinterpret_array(mi.UInt32, shape)
-        known = active & (identity < dr.width(self._identities))
-        row = dr.select(known, dr.gather(mi.UInt32, self._identities, identity, known), _UNKNOWN)
+        row = told(self._identities, shape, _UNKNOWN, active)
         if self._matte is not None:
             row = dr.select(bsdf == mi.BSDFPtr(self._matte), _MATTE, row)
         shares = dr.gather(mi.UInt32, self._table, row + detailed * len(ROWS), active)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from ..common import by_identity
+from ..identities import by_identity
 
 _GOLDEN = 0.6180339887
 SMOOTH = 0.99

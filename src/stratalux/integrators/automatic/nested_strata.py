@@ -83,13 +83,14 @@ class Survivor:
     def __init__(self) -> None:
         self.d, self.ratio, self.total = mi.Vector3f(0), mi.Spectrum(0), mi.Float(0)
 
-    def offer(self, d: mi.Vector3f, g: mi.Spectrum, random: mi.UInt32) -> None:
-        """Take ``g`` from direction ``d`` into account."""
+    def offer(self, d: mi.Vector3f, g: mi.Spectrum, random: mi.UInt32) -> mi.Bool:
+        """Take ``g`` from direction ``d`` into account; whether it is the one that is kept, for now."""
         q = target(dr.abs(g))
         self.total += q
         keep = (q > 0) & (unit_float(random) * self.total < q)
         self.d = dr.select(keep, d, self.d)
         self.ratio = dr.select(keep, g / q, self.ratio)
+        return keep
 
     @property
     def g(self) -> mi.Spectrum:

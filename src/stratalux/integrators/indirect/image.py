@@ -53,7 +53,7 @@ class Indirect:
         samples = None
         if prepared is not None:
             samples = sampler.samples or FreshLight(prepared, sampler.seed)
-        arriving = VertexLight(scene, sight.obstacles or scene, others, prepared, samples)
+        arriving = VertexLight(scene, sight.obstacles or scene, others, prepared, samples, sight.ways)
         way = self.paths.begin(scene, sight, sampler.index, sampler.seed, ray, mi.Bool(active))
         return self.paths.follow(scene, arriving, sight, sampler.index, sampler.seed, way), mi.Bool(False)
 

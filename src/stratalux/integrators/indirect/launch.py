@@ -64,5 +64,5 @@ class PathLauncher(Launcher):
         light, others, sight = self.seen
         seed = mix(pixel ^ mix(seed))
         samples = FreshLight(light, seed) if shared is None else SharedLight(shared)
-        arriving = VertexLight(scene, sight.obstacles or scene, others, light, samples)
+        arriving = VertexLight(scene, sight.obstacles or scene, others, light, samples, sight.ways)
         return self._paths.follow(scene, arriving, sight, index, seed, way)

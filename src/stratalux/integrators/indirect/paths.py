@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import drjit as dr
 import mitsuba as mi
@@ -16,7 +16,7 @@ from .vertex import VertexLight
 
 _VERTICES = 0x6A09E667
 """Distinguishes the points of paths from those of direct light."""
-_ENOUGH = 0.95
+ENOUGH = 0.95
 """Probability of going on, at most, from ``rr_depth`` on: Mitsuba's."""
 
 
@@ -39,7 +39,7 @@ class FirstPoints(PixelPoints):
 class Way:
     """What is left of a path at its first vertex: the ``ray`` that leaves it, its weight β, the square root η of the
     scale that refraction has given that, how many surfaces were ``met``, whether the ray was drawn from a lobe without
-    width: ``delta``, and whether it meets another surface: is ``alive``."""
+    width: ``delta``, whether it meets another surface: is ``alive``, and κ of light paths, if there are such."""
 
     DRJIT_STRUCT: ClassVar = {
         "ray": mi.Ray3f,
@@ -48,11 +48,13 @@ class Way:
         "met": mi.UInt32,
         "delta": mi.Bool,
         "alive": mi.Bool,
+        "κ": mi.Float,
     }
 
     def __init__(self) -> None:
         self.ray, self.β, self.η = dr.zeros(mi.Ray3f), mi.Spectrum(1), mi.Float(1)
         self.met, self.delta, self.alive = mi.UInt32(0), mi.Bool(False), mi.Bool(False)
+        self.κ = mi.Float(0)
 
     def at(self, lanes: mi.UInt32) -> Way:
         """Those of the ``lanes`` alone."""
@@ -117,6 +119,8 @@ class Paths:
             way.β = dr.select(going & ~unseen, way.β * weight, way.β)
             way.η = dr.select(going & ~straight, way.η * bs.eta, way.η)
             way.delta |= going & ~straight & mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+            if sight.ways is not None:
+                way.κ = sight.ways.after(way.κ, si, bs, mi.Bool(True), going)
             way.met += 1
             way.alive |= going & ~straight & dr.any(way.β != 0)
             if dr.hint(self.rr_depth <= 1, mode="scalar"):
@@ -143,17 +147,21 @@ class Paths:
         x = dr.zeros(mi.Interaction3f)  # The last vertex
         pdf, delta = mi.Float(0), mi.Bool(True)  # Of the sample of its BSDF
         M = mi.UInt32(0)  # Samples of the map there
+        ways: Any = light.ways  # None where there are no light paths
+        κ = None if ways is None else mi.Float(way.κ)
+        aimed = mi.Bool(False)  # Whether light paths begin at the last vertex
         going = mi.Bool(way.alive)
         while going:
             si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=going)
-            L += β * light.found(x, si, pdf, delta, M, going & (scattered >= 2))
+            beside = None if ways is None else dr.select(aimed, κ, 0)
+            L += β * light.found(x, si, pdf, delta, M, going & (scattered >= 2), κ=beside)
             reflects = scattered < most  # else, what the last sample of a BSDF finds may still be behind masks
             going &= si.is_valid() & (reflects | sight.masks)
 
             # ------------------------- Light that arrives here ------------------------
             points = PixelPoints(index, mix(seed + met * 0x9E3779B9))
             M_here = light.proposals(si.shape, si.bsdf(), going)
-            L += β * light.sampled(points, si, si.bsdf(), M_here, going & reflects)
+            L += β * light.sampled(points, si, si.bsdf(), M_here, going & reflects, κ=κ)
 
             # ------------------------------- The way on -------------------------------
             bs, weight, straight, lost = self._way_on(sight, si, points, mi.Bool(False), layers, going)
@@ -164,6 +172,9 @@ class Paths:
             x.time, x.wavelengths = si.time, si.wavelengths
             pdf, M = dr.select(scatters, bs.pdf, pdf), dr.select(scatters, M_here, M)
             delta = dr.select(scatters, mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta), delta)
+            if dr.hint(ways is not None, mode="scalar"):
+                κ = dr.select(scatters, ways.after(κ, si, bs, mi.Bool(False), scatters), κ)
+                aimed = dr.select(scatters, ways.targeted(si.shape, scatters), aimed)
             η = dr.select(scatters, η * bs.eta, η)
             scattered += dr.select(scatters, 1, 0)
             layers = dr.select(scatters, 0, layers + 1)
@@ -195,6 +206,9 @@ class Paths:
         pdf, delta = mi.Float(1), mi.Bool(True)  # Of the sample of its BSDF; the camera's is of one direction
         M = mi.UInt32(0)  # Samples of the map there
         shown = not self._hide_emitters
+        ways: Any = light.ways  # None where there are no light paths
+        κ = None if ways is None else mi.Float(0)
+        aimed = mi.Bool(False)  # Whether light paths begin at the last vertex
         joined = FirstPoints(index, mix(seed))
         u_first, v_first = joined.next_1d(), joined.next_2d()
         going, seen = mi.Bool(active), mi.Bool(False)
@@ -203,13 +217,14 @@ class Paths:
             first = scattered == 0
             seen |= first & si.is_valid()
             level = dr.select(scattered == 1, light.level, 0)
-            L += β * light.found(x, si, pdf, delta, M, going & (~first | shown), level)
+            beside = None if ways is None else dr.select((scattered > 1) & aimed, κ, 0)
+            L += β * light.found(x, si, pdf, delta, M, going & (~first | shown), level, beside)
             going &= si.is_valid() & (scattered < most)
 
             # ------------------------- Light that arrives here ------------------------
             points = PixelPoints(index, mix(seed + scattered * 0x9E3779B9))
             M, N = light.proposals(si.shape, si.bsdf(), going), light.rays(si.shape, si.bsdf(), first, going)
-            L += β * light.sampled(points, si, si.bsdf(), M, going, N, dr.select(first, light.level, 0))
+            L += β * light.sampled(points, si, si.bsdf(), M, going, N, dr.select(first, light.level, 0), κ)
             M *= N
 
             # ------------------------------- The way on -------------------------------
@@ -218,6 +233,9 @@ class Paths:
             bs, weight = si.bsdf().sample(mi.BSDFContext(), si, u, v, going)
             β *= weight
             going &= dr.any(β != 0)
+            if dr.hint(ways is not None, mode="scalar"):
+                κ = ways.after(κ, si, bs, first, going)
+                aimed = ways.targeted(si.shape, going)
             x.p, x.n, x.time, x.wavelengths = si.p, si.n, si.time, si.wavelengths
             pdf, delta = bs.pdf, mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             η *= bs.eta
@@ -253,7 +271,7 @@ class Paths:
     @staticmethod
     def _survives(β: mi.Spectrum, η: mi.Float, points: PixelPoints) -> tuple[mi.Float, mi.Bool]:
         """The probability to go on where paths end at random, and whether each does."""
-        q = dr.minimum(dr.max(β) * η * η, _ENOUGH)
+        q = dr.minimum(dr.max(β) * η * η, ENOUGH)
         return q, points.next_1d() < q
 
     def _not_seen(

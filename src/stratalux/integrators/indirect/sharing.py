@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from ..automatic.launch import Estimator, Launch, camera_samples
-from ..common import by_identity
+from ..identities import by_identity, told
 from .launch import PathLauncher
 from .paths import Paths, Way
 from .tiles import TILE
@@ -105,9 +105,8 @@ class SharingLauncher(PathLauncher):
         return dr.select(self._shares(way, si, way.alive), 2, dr.select(way.met > 0, mi.UInt32(1), 0))
 
     def _shares(self, way: Way, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
-        identity = dr.reinterpret_array(mi.UInt32, si.shape)
-        known = active & ~way.delta & (identity < dr.width(self._matte))
-        return known & (dr.gather(mi.UInt32, self._matte, identity, known) != 0)
+        active = active & ~way.delta
+        return active & (told(self._matte, si.shape, 0, active) != 0)
 
     def _second_vertices(
         self,

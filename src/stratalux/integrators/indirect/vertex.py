@@ -10,6 +10,7 @@ import mitsuba as mi
 from ...sampling.points import mix, shuffle, van_der_corput
 from ..automatic.nested_strata import PixelPoints, Survivor
 from ..automatic.sample import AllocatedLight
+from ..both_ways import BothWays
 from ..common import LEAST, target
 from ..environment import looked_up
 from ..light_samples import FreshLight, SharedLight
@@ -48,9 +49,10 @@ class VertexLight:
         others: OtherEmitters,
         light: AllocatedLight[Any] | None,
         samples: FreshLight | SharedLight | None,
+        ways: BothWays | None = None,
     ) -> None:
         self._scene, self._obstacles, self._others = scene, obstacles, others
-        self._light, self._samples = light, samples
+        self._light, self._samples, self.ways = light, samples, ways
 
     def proposals(self, shape: mi.ShapePtr, bsdf: mi.BSDFPtr, active: mi.Bool) -> mi.UInt32:
         """M at a vertex on that ``shape`` with that ``bsdf``."""
@@ -78,13 +80,14 @@ class VertexLight:
         active: mi.Bool,
         N: mi.UInt32 | None = None,
         level: mi.Float | None = None,
+        κ: mi.Float | None = None,
     ) -> mi.Spectrum:
         """What samples of the lights bring to ``si``, M of them from the map, for each of N rays (one, unless told)."""
         active = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
         L_o = mi.Spectrum(0)
         if self._light is not None:
             N, level = mi.UInt32(1) if N is None else N, mi.Float(0) if level is None else level
-            L_o += self._of_map(points, si, bsdf, M, N, level, active)
+            L_o += self._of_map(points, si, bsdf, M, N, level, κ, active)
         if self._others.lights:
             L_o += self._others.emitter_sampling(self._scene, points, si, bsdf, active)
         return L_o
@@ -98,6 +101,7 @@ class VertexLight:
         M: mi.UInt32,
         N: mi.UInt32,
         level: mi.Float,
+        κ: mi.Float | None,
         active: mi.Bool,
     ) -> mi.Spectrum:
         light, samples, ctx = self._light, self._samples, mi.BSDFContext()
@@ -109,19 +113,42 @@ class VertexLight:
         k = mi.UInt32(0)
         while active & (k < N):
             kept = Survivor()
+            p_kept, pdf_kept = mi.Float(0), mi.Float(0)
             j = mi.UInt32(0)
             while active & (j < M):
                 point = first + j * N + k
                 where = van_der_corput(point, mix(seed))  # in units of 2⁻³² along the leaves
                 d, luminance, L_p, inverse = samples.draw(where >> (32 - light.tables.depth), where, si, active)
                 f, pdf = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
-                p = self._density(luminance, N * M)
+                p = self.density(luminance, N * M)
                 g = (L_p - level * inverse) * f * (dr.select(pdf > 0, p / (p + pdf), 1) * share)
-                kept.offer(d, g, mix(seed ^ ~point))
+                taken = kept.offer(d, g, mix(seed ^ ~point))
+                p_kept, pdf_kept = dr.select(taken, p, p_kept), dr.select(taken, pdf, pdf_kept)
                 j += 1
-            L_o += arriving(self._obstacles, si, kept.d, kept.g, active & dr.any(kept.g != 0))
+            g = kept.g
+            lit = active & dr.any(g != 0)
+            if dr.hint(κ is not None, mode="scalar"):
+                g *= self._not_from_the_map(si, bsdf, kept.d, p_kept, pdf_kept, N * M, κ, lit)
+            L_o += arriving(self._obstacles, si, kept.d, g, lit)
             k += 1
         return L_o
+
+    def _not_from_the_map(
+        self,
+        si: mi.SurfaceInteraction3f,
+        bsdf: mi.BSDFPtr,
+        d: mi.Vector3f,
+        p: mi.Float,
+        pdf: mi.Float,
+        M: mi.UInt32,
+        κ: mi.Float,
+        active: mi.Bool,
+    ) -> mi.Float:
+        """What is left of a weight at ``si`` for light from ``d`` where light paths find a part of it."""
+        assert self.ways is not None
+        active = active & (κ > 0) & (pdf > 0) & self.ways.targeted(si.shape, active) & self.ways.meets(si.p, d)
+        q = κ * self.ways.at(si, bsdf, si.to_local(d), pdf, active) * pdf * p / mi.Float(M)
+        return dr.select(active, (p + pdf) / (p + pdf + q), 1)
 
     def found(
         self,
@@ -132,6 +159,7 @@ class VertexLight:
         M: mi.UInt32,
         active: mi.Bool,
         level: mi.Float | None = None,
+        κ: mi.Float | None = None,
     ) -> mi.Spectrum:
         """Weighted radiance of what a sample of the BSDF at ``before`` has ``hit``; of that ``pdf``, or ``delta``.
 
@@ -143,13 +171,19 @@ class VertexLight:
         if light is not None:
             bare = active & ~hit.is_valid() & ~delta
             value = looked_up(lambda lanes: light.emitter.eval(hit, lanes), bare)
-            of_bsdf = pdf / dr.maximum(pdf + self._density(target(value), M), LEAST)
+            p = self.density(target(value), M)
+            total = pdf + p
+            if κ is not None:
+                assert self.ways is not None
+                from_map = bare & (κ > 0) & self.ways.meets(before.p, -hit.wi)
+                total += dr.select(from_map, κ * pdf * p / mi.Float(M), 0)
+            of_bsdf = pdf / dr.maximum(total, LEAST)
             L += dr.select(bare, value * of_bsdf, 0)
             if level is not None:
                 L += dr.select(bare, level * (1 - of_bsdf), 0)
         return L
 
-    def _density(self, luminance: mi.Float, M: mi.UInt32) -> mi.Float:
+    def density(self, luminance: mi.Float, M: mi.UInt32) -> mi.Float:
         """M p̃ where the map has this luminance."""
         assert self._light is not None
         tables, scale = self._light.tables, self._light.scale

@@ -70,7 +70,7 @@ class Whole:
     ) -> tuple[mi.Spectrum, mi.Bool]:
         """Radiance along ``ray``, and its alpha."""
         samples = sampler.samples or FreshLight(prepared, sampler.seed)
-        light = _FewRays(scene, scene, others, prepared, samples)
+        light = FewRays(scene, scene, others, prepared, samples, sight.ways)
         return self._paths.whole(scene, light, sampler.index, sampler.seed, ray, mi.Bool(active))
 
 
@@ -101,7 +101,9 @@ def too_large(scene: mi.Scene) -> bool:
     return bool(height * width > LARGEST_MAP)
 
 
-class _FewRays(VertexLight):
+class FewRays(VertexLight):
+    """The light of :class:`Whole` at a vertex."""
+
     def proposals(self, shape: mi.ShapePtr, bsdf: mi.BSDFPtr, active: mi.Bool) -> mi.UInt32:
         return dr.opaque(mi.UInt32, _PROPOSALS_IN_THE_SUN if self._bright.tables.sunny else _PROPOSALS)
 
