@@ -40,7 +40,7 @@ class BothWays:
     def __init__(self, scene: mi.Scene, sensor: mi.Sensor, share: float, targets: list[mi.Shape]) -> None:
         low, high = (np.array([np.ravel(getattr(shape.bbox(), side)) for shape in targets]) for side in ("min", "max"))
         low, high = low.min(axis=0), high.max(axis=0)
-        centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+        centre, sides = (low + high) / 2, high - low
         all_around = scene.bbox()
         far = float(np.linalg.norm(np.ravel(all_around.center()) - centre))
         far += float(np.linalg.norm(np.ravel(all_around.extents()))) / 2
@@ -48,8 +48,9 @@ class BothWays:
         params = mi.traverse(sensor)
         to_world = params["to_world"].matrix.numpy().reshape(4, 4)
         focal = int(sensor.film().size()[0]) / (2 * math.tan(math.radians(float(np.ravel(params["x_fov"])[0])) / 2))
-        self.centre, self.radius = mi.Point3f(centre), dr.opaque(mi.Float, radius)
-        self.distance = dr.opaque(mi.Float, 1.001 * far)
+        self._centre, self._half = mi.Point3f(centre), mi.Vector3f(sides / 2)
+        self._areas = mi.Vector3f(sides[[1, 2, 0]] * sides[[2, 0, 1]])
+        self._distance = dr.opaque(mi.Float, 1.001 * far)
         """From the centre to where nothing is any more."""
         self.pixels = dr.opaque(mi.UInt32, width * height)
         targeted = {shape.ptr for shape in targets}
@@ -57,12 +58,12 @@ class BothWays:
         self._targets = by_identity(scene.shapes_dr(), flags, 0)
         self._alike = all(_alike(shape.bsdf()) for shape in scene.shapes())
         self._eye, self._axis = mi.Point3f(to_world[:3, 3]), mi.Vector3f(to_world[:3, 2])
-        self._factor = mi.Float(share * width * height / (math.pi * radius**2 * focal**2))
-        dr.make_opaque(self.centre, self._eye, self._axis, self._factor)
+        self._factor = mi.Float(share * width * height / focal**2)
+        dr.make_opaque(self._centre, self._half, self._areas, self._eye, self._axis, self._factor)
 
     @classmethod
     def of(cls, scene: mi.Scene, sensor: mi.Sensor, share: float) -> BothWays | None:
-        """For so many light paths for each camera sample; None where nothing promises any use of them."""
+        """For so many light paths for each camera sample; None where nothing gathers light on other things."""
         if sensor.class_name() not in _CAMERAS:
             return None
         targets = [shape for shape in scene.shapes() if _focuses(shape)]
@@ -70,7 +71,17 @@ class BothWays:
 
     def arrays(self) -> tuple[Any, ...]:
         """What kernels read."""
-        return self._targets, self.centre, self.radius, self.distance, self.pixels, self._eye, self._axis, self._factor
+        return (
+            self._targets,
+            self._centre,
+            self._half,
+            self._areas,
+            self._distance,
+            self.pixels,
+            self._eye,
+            self._axis,
+            self._factor,
+        )
 
     def first(self, si: mi.SurfaceInteraction3f, d: mi.Vector3f, pdf: mi.Float) -> mi.Float:
         """κ at the first surface, where the way goes on towards ``d``, of that ``pdf``."""
@@ -111,9 +122,22 @@ class BothWays:
         """Whether light paths begin on that ``shape``."""
         return active & (told(self._targets, shape, 0, active) != 0)
 
-    def meets(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
-        """Whether light from the direction ``d`` that arrives at ``p`` may have begun as a light path."""
-        return dr.squared_norm(dr.cross(p - self.centre, d)) < self.radius * self.radius
+    def ray(self, d: mi.Vector3f, u: mi.Point2f) -> mi.Ray3f:
+        """A ray of light from the direction ``d`` that meets the box at a uniform place of what ``d`` sees of it."""
+        shares = self._areas * dr.abs(d) / self.area(d)
+        x, y = u.x < shares.x, u.x < shares.x + shares.y
+        before = dr.select(x, 0, dr.select(y, shares.x, shares.x + shares.y))
+        share = dr.select(x, shares.x, dr.select(y, shares.y, shares.z))
+        s, t = 2 * dr.clip((u.x - before) / share, 0, 1) - 1, 2 * u.y - 1
+        face = dr.sign(d)
+        place = dr.select(
+            x, mi.Vector3f(face.x, s, t), dr.select(y, mi.Vector3f(s, face.y, t), mi.Vector3f(s, t, face.z))
+        )
+        return mi.Ray3f(self._centre + place * self._half + d * self._distance, -d)
+
+    def area(self, d: mi.Vector3f) -> mi.Float:
+        """Of what the direction ``d`` sees of the box."""
+        return dr.dot(self._areas, dr.abs(d))
 
 
 def turned(si: mi.SurfaceInteraction3f, wi: mi.Vector3f) -> mi.SurfaceInteraction3f:
@@ -140,7 +164,11 @@ def _alike(bsdf: mi.BSDF | None) -> bool:
 def _focuses(shape: mi.Shape) -> bool:
     """Whether its gloss may gather light on other things."""
     bsdf = shape.bsdf()
-    if bsdf is None or not mi.has_flag(bsdf.flags(), mi.BSDFFlags.Glossy):
+    if (
+        bsdf is None
+        or not mi.has_flag(bsdf.flags(), mi.BSDFFlags.Glossy)
+        or mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse)
+    ):
         return False
     size = np.ravel(shape.bbox().extents())
     return bool(np.isfinite(size).all() and size.min() > _FLAT * size.max())

@@ -56,6 +56,8 @@ _FEWER, _MORE = 2, 2
 """Camera samples of direct light are so many times fewer than those asked for, and paths so many times more: with all
 their strata, samples of direct light cost as much and have much smaller errors. Paths that share what they find are
 better and dearer: of these, there are as many as samples of direct light."""
+_CONCENTRATED, _CONCENTRATED_FOR_FEW, _MANY = 20.0, 300.0, 8
+"""Concentration of a map from which on light paths pay, with that many samples per pixel, and with fewer."""
 _PATHS_SEED, _LIGHT_SEED = 0x1B873593, 0xCC9E2D51
 _NO_DERIVATIVES = "path_stratified: has no derivatives; use Mitsuba's 'prb', or 'direct_stratified' for direct light"
 
@@ -194,11 +196,11 @@ class PathStratified(Automatic):
         enclosed = launcher.enclosed()
         straight = launcher.seen[-1].straight
         if not enclosed and not straight and (whole := self._whole(scene, sensor, spp, light)):
-            ways = BothWays.of(scene, sensor, 1 / EACH)
+            ways = self._ways(light, scene, sensor, spp, 1 / EACH)
             whole.share(ways)
             own, many = memory.setdefault("whole", {}), spp * EACH
             view: View = View(whole, None, self._most(sensor, own, many))
-            pilot = pilot_whole(whole.seen[0], spp, view.pixels)
+            pilot = pilot_whole(whole.seen[0], spp, view.pixels, ways is not None)
             if even := pilot == many:
                 pilot = view.first(many)
             parts = {"whole": TwoStages(view, pilot, many, opaque_seed(seed), dim, own, even=even)}
@@ -212,7 +214,8 @@ class PathStratified(Automatic):
             paths = TwoStages(view, view.first(spp), spp, other, dim, own, even=True)
             return {"direct": self._direct(light, scene, sensor, seed, spp, memory), "paths": paths}
         less, many = _shared_out(spp)
-        ways = None if straight else BothWays.of(scene, sensor, spp / many)
+        from_light = spp if spp >= UNLIMITED else max(1, spp // _FEWER)
+        ways = None if straight else self._ways(light, scene, sensor, spp, from_light / many)
         launcher.share(ways)
         view = View(launcher, None, self._most(sensor, own, less))
         pilot = pilot_paths(many, view.film.rfilter().is_box_filter())
@@ -220,8 +223,16 @@ class PathStratified(Automatic):
         parts = {"direct": self._direct(light, scene, sensor, seed, less, memory), "paths": paths}
         if ways is not None:
             of_light = self._light_paths("light paths", launcher, VertexLight)
-            parts["light"] = self._beside(of_light, ways, sensor, seed, spp, dim, memory)
+            parts["light"] = self._beside(of_light, ways, sensor, seed, from_light, dim, memory)
         return parts
+
+    @staticmethod
+    def _ways(
+        light: AllocatedLight[Any], scene: mi.Scene, sensor: mi.Sensor, spp: int, share: float
+    ) -> BothWays | None:
+        """For so many light paths for each camera sample, where they pay."""
+        concentrated = _CONCENTRATED if spp >= _MANY else _CONCENTRATED_FOR_FEW
+        return BothWays.of(scene, sensor, share) if light.tables.concentration >= concentrated else None
 
     def _light_paths(self, name: str, beside: Launcher, arriving: Callable[..., VertexLight]) -> LightLauncher:
         light, *_ = beside.seen

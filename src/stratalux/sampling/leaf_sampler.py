@@ -74,6 +74,13 @@ class LeafSampler:
         """What the table takes."""
         return 4 * dr.width(self._leaves)
 
+    @cached_property
+    def concentration(self) -> float:
+        """Mean square of the luminance over the square of its mean: light comes from so small a part of the sphere."""
+        leaf = dr.arange(mi.UInt32, self.count)
+        pdf = self.sample(leaf, mi.Point2f(0.5)).pdf
+        return float(4 * np.pi * dr.mean(mi.Float64(pdf))[0])
+
     def sample(self, leaf: mi.UInt32, u: mi.Point2f, active: mi.Bool | bool = True) -> DirectionSample:
         """A direction inside ``leaf``, number of one of ``count``; ``u`` chooses the point.
 

@@ -46,11 +46,16 @@ class LightLauncher(Launcher):
     ) -> None:
         super().__init__(integrator, scene, sensor)
         self._paths, self._arriving = paths, arriving
+        self._pi = mi.UInt32(_coherent())
+        dr.make_opaque(self._pi)
 
     def samples(self, launch: Launch) -> tuple[Any, ...]:
         """What each brings, nothing for the variate and for alpha, and its place in pixels."""
         L, place = self.replayed(self._samples, launch)
         return L, mi.Spectrum(0), mi.Bool(False), place
+
+    def _state(self, *_: Any) -> Any:
+        return super()._state(), self._pi
 
     @dr.syntax
     def _samples(
@@ -66,6 +71,10 @@ class LightLauncher(Launcher):
         turn = 0xFFFFFFFF // ways.pixels
         turns = launch.index // turn
         index = (launch.index - turns * turn) * ways.pixels + launch.pixel
+        import os
+
+        if not os.environ.get("NOPI"):
+            index = (index & 0xFFFFF000) | dr.gather(mi.UInt32, self._pi, index & 0xFFF)
         seed = mix(mix(launch.seed ^ _SEED) + turns)
         samples = FreshLight(light, seed) if launch.shared is None else SharedLight(launch.shared)
         arriving = self._arriving(scene, scene, others, light, samples, ways)
@@ -74,10 +83,8 @@ class LightLauncher(Launcher):
         si = dr.zeros(mi.SurfaceInteraction3f)
         where = van_der_corput(shuffle(index, mix(seed + 1)), mix(seed + 2))
         ω, luminance, β, _inverse = samples.draw(where >> (32 - light.tables.depth), where, si, mi.Bool(True))
-        disc = mi.warp.square_to_uniform_disk_concentric(sobol_2d(index, mix(seed + 3))) * ways.radius
-        o = ways.centre + mi.Frame3f(ω).to_world(mi.Vector3f(disc.x, disc.y, ways.distance))
-        ray = mi.Ray3f(o, -ω)
-        β = β * (dr.pi * dr.square(ways.radius))
+        ray, area = ways.ray(ω, sobol_2d(index, mix(seed + 3))), ways.area(ω)
+        β = β * area
 
         kept, place = Survivor(), mi.Point2f(0)
         met = mi.UInt32(0)
@@ -122,7 +129,7 @@ class LightLauncher(Launcher):
             M = arriving.proposals(si.shape, bsdf, going)
             p_map = arriving.density(luminance, M)
             rest = dr.select(first, p_map + pdf, rest)
-            q = dr.select(first, arriving.density(luminance, mi.UInt32(1)) * pdf * c, q * c)
+            q = dr.select(first, arriving.density(luminance, mi.UInt32(1)) / area * pdf * c, q * c)
             met += 1
             going &= met < most
             survival = dr.minimum(dr.max(f) * cos_out / (cos_in * bs.pdf), ENOUGH)
@@ -131,6 +138,29 @@ class LightLauncher(Launcher):
             β = dr.select(ends, β / survival, β)
             ray = si.spawn_ray(si.to_world(bs.wo))
         return kept.g, place
+
+
+def _coherent():
+    i = np.arange(4096, dtype=np.uint32)
+
+    def brev(v):
+        v = v.astype(np.uint64)
+        r = np.zeros_like(v)
+        for k in range(32):
+            r |= ((v >> np.uint64(k)) & np.uint64(1)) << np.uint64(31 - k)
+        return r
+
+    x = brev(i)
+    y = brev(i).astype(np.uint64)
+    for shift, bits in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF)):
+        y = y ^ ((y & np.uint64(bits)) << np.uint64(shift))
+    y = y & np.uint64(0xFFFFFFFF)
+    X, Y = (x >> np.uint64(26)).astype(int), (y >> np.uint64(26)).astype(int)
+    assert len(set(zip(X, Y))) == 4096
+    morton = np.zeros(4096, int)
+    for k in range(6):
+        morton |= ((X >> k) & 1) << (2 * k) | ((Y >> k) & 1) << (2 * k + 1)
+    return np.argsort(morton).astype(np.uint32)
 
 
 class LightView(View):
@@ -155,6 +185,15 @@ class LightView(View):
             x = np.arange(size) + 0.5 + k
             total += value / _FINE * ((x >= 0) & (x < size))
         return total
+
+    def lanes(self, first, number):
+        import os
+
+        if os.environ.get("NOPI"):
+            return super().lanes(first, number)
+        pixels = [np.flatnonzero(number > k) for k in range(int(number.max()))]
+        index = np.concatenate([first[p] + k for k, p in enumerate(pixels)]).astype(np.uint32)
+        return mi.UInt32(np.concatenate(pixels).astype(np.uint32)), mi.UInt32(index), None
 
     def put(
         self, lanes: Lanes, value: mi.Spectrum, alpha: mi.Bool | mi.Float, weight: mi.Float, most: int

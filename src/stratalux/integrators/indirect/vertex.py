@@ -146,8 +146,8 @@ class VertexLight:
     ) -> mi.Float:
         """What is left of a weight at ``si`` for light from ``d`` where light paths find a part of it."""
         assert self.ways is not None
-        active = active & (κ > 0) & (pdf > 0) & self.ways.targeted(si.shape, active) & self.ways.meets(si.p, d)
-        q = κ * self.ways.at(si, bsdf, si.to_local(d), pdf, active) * pdf * p / mi.Float(M)
+        active = active & (κ > 0) & (pdf > 0) & self.ways.targeted(si.shape, active)
+        q = κ * self.ways.at(si, bsdf, si.to_local(d), pdf, active) * pdf * p / (mi.Float(M) * self.ways.area(d))
         return dr.select(active, (p + pdf) / (p + pdf + q), 1)
 
     def found(
@@ -175,8 +175,8 @@ class VertexLight:
             total = pdf + p
             if κ is not None:
                 assert self.ways is not None
-                from_map = bare & (κ > 0) & self.ways.meets(before.p, -hit.wi)
-                total += dr.select(from_map, κ * pdf * p / mi.Float(M), 0)
+                from_map = bare & (κ > 0)
+                total += dr.select(from_map, κ * pdf * p / (mi.Float(M) * self.ways.area(hit.wi)), 0)
             of_bsdf = pdf / dr.maximum(total, LEAST)
             L += dr.select(bare, value * of_bsdf, 0)
             if level is not None:

@@ -38,6 +38,8 @@ _LEVEL = 0.35
 PLANNED, PLANNED_ON_GPU = 1 << 18, 1 << 24
 """Camera samples of a picture from which on a pilot, of a quarter of them, tells where the others go: a plan takes as
 long as so many do."""
+_PLANNED_IN_THE_SUN = 32
+"""Samples per pixel from which on that is so under one sun, too."""
 _LEAST = 4
 """Camera samples of a pixel's pilot, at least."""
 
@@ -85,11 +87,11 @@ def few(light: AllocatedLight[BrightLeafSampler], pixels: int) -> int:
     return max(FEW_IN_MANY, round(FEW * min(1.0, USUAL / pixels) ** 0.5))
 
 
-def pilot_whole(light: AllocatedLight[BrightLeafSampler], spp: int, pixels: int) -> int:
+def pilot_whole(light: AllocatedLight[BrightLeafSampler], spp: int, pixels: int, shared: bool) -> int:
     """Camera samples of a pilot for ``spp`` of those asked for, a power of two; all, where nothing is planned: under a
-    sun, whose glints no pilot finds, among others."""
+    sun, among others, whose glints no pilot finds, but where these are ``shared`` with light paths."""
     many = spp * EACH
-    if light.tables.sunny:
+    if light.tables.sunny and not (shared and spp >= _PLANNED_IN_THE_SUN):
         return many
     enough = PLANNED_ON_GPU if dr.backend_v(mi.Float) == dr.JitBackend.CUDA else PLANNED
     return 1 << spp.bit_length() - 1 if spp >= _LEAST and pixels * many >= enough else many
