@@ -21,20 +21,22 @@ class BothWays:
     r"""The balance heuristic between paths from the camera and such from the map, light paths for short.
 
     A path meets the surfaces x_1 … x_n, the first as seen from the camera, and then the map in direction ω. From the
-    camera, it is found with the density that its directions were drawn with, up to x_n, times p_b(ω) of the BSDF there,
-    or M p̃(ω) of the samples of the map. A light path begins with p̃(ω), on a disc of radius r that faces the map around
-    ``centre``, and its directions are drawn by the BSDFs the other way round, up to x_1, where a ray to the camera
+    camera it is found with the density of its directions up to x_n, times p_b(ω) of the BSDF there, or M p̃(ω) of the
+    samples of the map. A light path begins with p̃(ω), at a uniform place of what ω sees, an area A(ω), of a box around
+    what has gloss; at x_n, that is. It goes on by the BSDFs the other way round, up to x_1, where a ray to the camera
     closes it. With the densities p_i of the way that leaves x_i away from the camera and p'_i of that towards it, and
     the angles θ_i and θ'_i of both to the normal, it is found
 
-        q = κ p̃(ω) p_b(ω) Π_{i=2}^{n} c_i,    c_i = p'_i |cos θ_i| / (p_i |cos θ'_i|),
+        q = κ p̃(ω) p_b(ω) / A(ω) Π_{i=2}^{n} c_i,    c_i = p'_i |cos θ_i| / (p_i |cos θ'_i|),
 
-        κ = R A |cos θ_1| / (p_1 π r²)
+        κ = R A_1 |cos θ_1| / p_1
 
-    times as often, in the unit of p_b and M p̃, where R is the number of light paths for each camera sample of a pixel
-    times the pixels, and A the area of x_1 that a pixel sees. So q joins both of them in the weights
-    (Veach 1997, chapter 10, with the light paths that end at the camera alone). For n = 1 there are no light paths, as
-    for whatever has met a lobe without width. A weight may be any function of the path that is the same for all ways.
+    times as often, in the unit of p_b and M p̃, where R is the number of all light paths for each camera sample of a
+    pixel, and A_1 the area at x_1 that a pixel sees. So q joins both in the weights (Veach 1997, chapter 10, with the
+    light paths that end at the camera alone). For n = 1 there are no light paths, nor for what has met a lobe without
+    width. A weight may be any function of the path that is the same for all ways: so A_1 is that of a pinhole camera.
+
+    ``share``: light paths for each camera sample. ``targets``: what has gloss.
     """
 
     def __init__(self, scene: mi.Scene, sensor: mi.Sensor, share: float, targets: list[mi.Shape]) -> None:
@@ -151,8 +153,8 @@ _ALIKE = ("SmoothDiffuse", "RoughConductor", "SmoothConductor", "RoughPlastic", 
 
 
 def _alike(bsdf: mi.BSDF | None) -> bool:
-    """Whether a ray is drawn either way round with densities that are alike but for a cosine, and never of 0 one way
-    alone."""
+    """Whether it is known to draw a direction either way round with densities that are alike but for a cosine, and are
+    0 in the same places: then c is as good as 1, which spares a look-up for each ray."""
     if bsdf is None:
         return False
     if bsdf.class_name() == "TwoSidedBRDF":
@@ -162,13 +164,10 @@ def _alike(bsdf: mi.BSDF | None) -> bool:
 
 
 def _focuses(shape: mi.Shape) -> bool:
-    """Whether its gloss may gather light on other things."""
+    """Whether it has gloss alone, and may gather light on other things."""
     bsdf = shape.bsdf()
-    if (
-        bsdf is None
-        or not mi.has_flag(bsdf.flags(), mi.BSDFFlags.Glossy)
-        or mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse)
-    ):
+    if bsdf is None or mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse):
         return False
     size = np.ravel(shape.bbox().extents())
-    return bool(np.isfinite(size).all() and size.min() > _FLAT * size.max())
+    gathers = bool(np.isfinite(size).all() and size.min() > _FLAT * size.max())
+    return gathers and bool(mi.has_flag(bsdf.flags(), mi.BSDFFlags.Glossy))

@@ -10,10 +10,15 @@ from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
 
 _POLYNOMIALS = ((2, 1, (1, 3)), (3, 1, (1, 3, 1)), (3, 2, (1, 1, 1)))
 """Degree, inner coefficients and first direction numbers of Sobol's third dimension and the next ones: Joe and Kuo
 2008, new-joe-kuo-6.21201."""
+_PASCAL = ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF))
+"""Sobol's second generator matrix is Pascal's triangle modulo 2: the product of these five sparse ones, each of which
+adds bits, masked, to those above."""
 DIMENSIONS = 2 + len(_POLYNOMIALS)
 """Of :func:`sobol`."""
 
@@ -40,12 +45,30 @@ def van_der_corput(index: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:
 def sobol_2d(index: mi.UInt32, seed: mi.UInt32) -> mi.Point2f:
     """Point ``index`` of the scrambled (0, 2)-sequence of Sobol's first two dimensions, in [0, 1)²."""
     x = van_der_corput(index, seed)
-    # The second generator matrix is Pascal's triangle modulo 2, the product of these five sparse ones.
     y = dr.brev(index)
-    for shift, bits in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF)):
+    for shift, bits in _PASCAL:
         y = y ^ ((y & mi.UInt32(bits)) << shift)
     y = dr.brev(_scramble_reversed(dr.brev(y), mix(seed)))
     return mi.Point2f(unit_float(x), unit_float(y))
+
+
+def sobol_cells(bits: int) -> NDArray[np.uint32]:
+    """The first 4^bits indices of :func:`sobol_2d` in Morton's order of where its points are.
+
+    They have one in each cell of a grid of 2^bits by 2^bits, and so has every aligned block of as many: in the same
+    order, but for reflections of the grid and its parts, as scrambling makes them, too. So neighbours stay neighbours.
+    """
+    index = np.arange(4**bits, dtype=np.uint32)
+    x = np.zeros_like(index)
+    for k in range(2 * bits):
+        x |= (index >> k & 1) << (31 - k)
+    y = x
+    for shift, mask in _PASCAL:
+        y = y ^ (y & np.uint32(mask)) << np.uint32(shift)
+    place = np.zeros_like(index)
+    for k in range(bits):
+        place |= (x >> (31 - k) & 1) << (2 * (bits - k) - 1) | (y >> (31 - k) & 1) << (2 * (bits - k) - 2)
+    return np.argsort(place).astype(np.uint32)
 
 
 def sobol(index: mi.UInt32, dimension: int, seed: mi.UInt32) -> mi.Float:

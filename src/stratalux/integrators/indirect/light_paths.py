@@ -11,10 +11,10 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from ...sampling.points import mix, shuffle, sobol, sobol_2d, van_der_corput
-from ..automatic.launch import Estimator, Launch, Launcher
+from ...sampling.points import mix, shuffle, sobol, sobol_2d, sobol_cells, van_der_corput
+from ..automatic.launch import Estimator, Group, Launch, Launcher
 from ..automatic.nested_strata import PixelPoints, Survivor
-from ..automatic.view import Lanes, View
+from ..automatic.view import Lanes, Range, View, unsigned
 from ..both_ways import turned
 from ..light_samples import FreshLight, SharedLight
 from ..sums import reach_of
@@ -23,17 +23,25 @@ from .vertex import VertexLight
 
 _SEED = 0x510E527F
 """Distinguishes the points of light paths from all others."""
-
-
+_BITS = 6
+"""Light paths are taken in the order of so many bits of each coordinate of where they begin: neighbours meet the same
+things, which takes a quarter less time."""
 _FINE = 256
 """Points of a pixel's side at which a filter is looked at."""
 
 
 class LightLauncher(Launcher):
-    """Takes light paths, one in the place of each camera sample, which bring their light to wherever they meet.
+    r"""Takes light paths, one in the place of each camera sample, which land wherever they do.
 
-    Of all surfaces that a path meets, one stands for all, as a :class:`~..automatic.nested_strata.Survivor`: the first
-    one aside, as direct light has no need of this. ``light``: what arrives at vertices of paths from the camera.
+    Such a path begins on the box around what has gloss, as the map shines there, goes on where the BSDFs lead, and each
+    of its surfaces but the first may be x_1 of a path to the camera, as :class:`~..both_ways.BothWays` has it: it
+    brings
+
+        q / (q + M p̃ + p_b) L(ω) / p(ω) A(ω) Π_{i=n}^{2} (f_i |cos θ_i cos θ'_i|) / (p'_i |cos θ_i|) f_1 W
+
+    with A(ω) of the box, the BSDFs f as a path from the camera has them, and what the pixel makes of it, W. Of these
+    surfaces, one stands for all: a :class:`~..automatic.nested_strata.Survivor`. ``arriving``: what makes the light at
+    vertices of paths from the camera.
     """
 
     def __init__(
@@ -46,8 +54,7 @@ class LightLauncher(Launcher):
     ) -> None:
         super().__init__(integrator, scene, sensor)
         self._paths, self._arriving = paths, arriving
-        self._pi = mi.UInt32(_coherent())
-        dr.make_opaque(self._pi)
+        self._order = mi.UInt32(sobol_cells(_BITS))
 
     def samples(self, launch: Launch) -> tuple[Any, ...]:
         """What each brings, nothing for the variate and for alpha, and its place in pixels."""
@@ -55,7 +62,7 @@ class LightLauncher(Launcher):
         return L, mi.Spectrum(0), mi.Bool(False), place
 
     def _state(self, *_: Any) -> Any:
-        return super()._state(), self._pi
+        return super()._state(), self._order
 
     @dr.syntax
     def _samples(
@@ -66,16 +73,7 @@ class LightLauncher(Launcher):
         assert ways is not None
         most = dr.opaque(mi.UInt32, self._paths.max_depth - 1 if self._paths.max_depth > 0 else 0xFFFFFFFF)
         roulette = dr.opaque(mi.UInt32, self._paths.rr_depth)
-
-        # All paths of the picture have one sequence, of as many points as there are numbers, and then another one.
-        turn = 0xFFFFFFFF // ways.pixels
-        turns = launch.index // turn
-        index = (launch.index - turns * turn) * ways.pixels + launch.pixel
-        import os
-
-        if not os.environ.get("NOPI"):
-            index = (index & 0xFFFFF000) | dr.gather(mi.UInt32, self._pi, index & 0xFFF)
-        seed = mix(mix(launch.seed ^ _SEED) + turns)
+        index, seed = self._points(launch, ways.pixels)
         samples = FreshLight(light, seed) if launch.shared is None else SharedLight(launch.shared)
         arriving = self._arriving(scene, scene, others, light, samples, ways)
 
@@ -83,30 +81,30 @@ class LightLauncher(Launcher):
         si = dr.zeros(mi.SurfaceInteraction3f)
         where = van_der_corput(shuffle(index, mix(seed + 1)), mix(seed + 2))
         ω, luminance, β, _inverse = samples.draw(where >> (32 - light.tables.depth), where, si, mi.Bool(True))
-        ray, area = ways.ray(ω, sobol_2d(index, mix(seed + 3))), ways.area(ω)
+        area = ways.area(ω)
         β = β * area
+        ray = ways.ray(ω, sobol_2d(index, mix(seed + 3)))
+        ray.time = sensor.shutter_open()
 
         kept, place = Survivor(), mi.Point2f(0)
         met = mi.UInt32(0)
-        q, rest = mi.Float(0), mi.Float(0)  # p̃ p_b Π c, and M p̃ + p_b, of the last surface
+        q, rest = mi.Float(0), mi.Float(0)  # q / κ, and M p̃ + p_b at x_n
         going = mi.Bool(True)
         while going:
             si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=going)
-            going &= si.is_valid()
-            bsdf = si.bsdf()
+            bsdf, first = si.bsdf(), met == 0
             cos_in = dr.abs(dr.dot(si.n, ray.d))
-            going &= (cos_in > 0) & ((met > 0) | ways.targeted(si.shape, going))
+            going &= si.is_valid() & (cos_in > 0) & (~first | ways.targeted(si.shape, going))
             points = PixelPoints(index, mix(seed + met * 0x9E3779B9))
 
             # --------------------------- To the camera ----------------------------
-            seen = going & (met > 0) & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+            seen = going & ~first & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
             aperture = points.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
             ds, W = sensor.sample_direction(si, aperture, seen)
             seen &= dr.any(W != 0)
-            back = turned(si, si.to_local(ds.d))
-            f, p_1 = bsdf.eval_pdf(ctx, back, si.wi, seen)
-            found = q * ways.first(si, -ray.d, p_1)
-            weight = dr.select(seen & (found > 0), found / (found + rest), 0)
+            f, p_1 = bsdf.eval_pdf(ctx, turned(si, si.to_local(ds.d)), si.wi, seen)
+            of_light = q * ways.first(si, -ray.d, p_1)
+            weight = dr.select(seen & (of_light > 0), of_light / (of_light + rest), 0)
             g = β * f * W * (weight * dr.abs(dr.dot(si.n, ds.d)) / cos_in)
             seen &= dr.any(g != 0)
             seen &= ~scene.ray_test(si.spawn_ray_to(ds.p), seen)
@@ -114,7 +112,6 @@ class LightLauncher(Launcher):
             place = dr.select(taken, ds.uv, place)
 
             # ----------------------------- The way on -----------------------------
-            first = met == 0
             u, v = points.next_1d(), points.next_2d()
             u = dr.select(first, sobol(index, 2, mix(seed + 4)), u)
             v = dr.select(first, mi.Point2f(sobol(index, 3, mix(seed + 5)), sobol(index, 4, mix(seed + 6))), v)
@@ -123,44 +120,32 @@ class LightLauncher(Launcher):
             back = turned(si, bs.wo)
             f, pdf = bsdf.eval_pdf(ctx, back, si.wi, going)
             going &= (pdf > 0) & dr.any(f != 0)
-            cos_out = dr.abs(dr.dot(si.n, si.to_world(bs.wo)))
-            β *= dr.select(going, f * (cos_out / (cos_in * bs.pdf)), 0)
+            scattered = f * (dr.abs(dr.dot(si.n, si.to_world(bs.wo))) / (cos_in * bs.pdf))
+            β = dr.select(going, β * scattered, 0)
             c = ways.ratio(back, si.wi, pdf, bs.pdf)
-            M = arriving.proposals(si.shape, bsdf, going)
-            p_map = arriving.density(luminance, M)
+            p_map = arriving.density(luminance, arriving.proposals(si.shape, bsdf, going))
             rest = dr.select(first, p_map + pdf, rest)
             q = dr.select(first, arriving.density(luminance, mi.UInt32(1)) / area * pdf * c, q * c)
             met += 1
             going &= met < most
-            survival = dr.minimum(dr.max(f) * cos_out / (cos_in * bs.pdf), ENOUGH)
+
+            # ---------------------------- Russian roulette ----------------------------
+            survival = dr.minimum(dr.max(scattered), ENOUGH)
             ends = met >= roulette
             going &= ~ends | (points.next_1d() < survival)
             β = dr.select(ends, β / survival, β)
             ray = si.spawn_ray(si.to_world(bs.wo))
         return kept.g, place
 
-
-def _coherent():
-    i = np.arange(4096, dtype=np.uint32)
-
-    def brev(v):
-        v = v.astype(np.uint64)
-        r = np.zeros_like(v)
-        for k in range(32):
-            r |= ((v >> np.uint64(k)) & np.uint64(1)) << np.uint64(31 - k)
-        return r
-
-    x = brev(i)
-    y = brev(i).astype(np.uint64)
-    for shift, bits in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF)):
-        y = y ^ ((y & np.uint64(bits)) << np.uint64(shift))
-    y = y & np.uint64(0xFFFFFFFF)
-    X, Y = (x >> np.uint64(26)).astype(int), (y >> np.uint64(26)).astype(int)
-    assert len(set(zip(X, Y))) == 4096
-    morton = np.zeros(4096, int)
-    for k in range(6):
-        morton |= ((X >> k) & 1) << (2 * k) | ((Y >> k) & 1) << (2 * k + 1)
-    return np.argsort(morton).astype(np.uint32)
+    def _points(self, launch: Launch, pixels: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
+        """The number of each light path in one sequence of the whole picture, and a seed, which is another one where
+        the numbers begin again."""
+        turn = 0xFFFFF000 // pixels
+        turns = launch.index // turn
+        index = (launch.index - turns * turn) * pixels + launch.pixel
+        cells = 1 << 2 * _BITS
+        index = (index & ~mi.UInt32(cells - 1)) | dr.gather(mi.UInt32, self._order, index & (cells - 1))
+        return index, mix(mix(launch.seed ^ _SEED) + turns)
 
 
 class LightView(View):
@@ -168,43 +153,35 @@ class LightView(View):
 
     def __init__(self, launcher: Launcher, most: int = 1 << 40) -> None:
         super().__init__(launcher, None, most)
-        if reach_of(self.film):
-            down, across = (self._gathered(size) for size in (self.height, self.width))
-            self._filtered = down[:, None] * across
+        self._reached = self._gathered(self.height)[:, None] * self._gathered(self.width)
 
-    def _gathered(self, size: int) -> NDArray[np.float64]:
-        """∫ of the filter around each pixel along a side of the film, as far as that goes."""
-        filter = self.film.rfilter()
-        inside = (np.arange(size * _FINE) + 0.5) / _FINE
-        reach = reach_of(self.film)
-        offset = (np.arange((2 * reach + 1) * _FINE) + 0.5) / _FINE - reach - 0.5
-        values = np.array(filter.eval(mi.Float(offset)), dtype=np.float64)
-        del inside
-        total = np.zeros(size)
-        for k, value in zip(offset, values, strict=True):
-            x = np.arange(size) + 0.5 + k
-            total += value / _FINE * ((x >= 0) & (x < size))
-        return total
-
-    def lanes(self, first, number):
-        import os
-
-        if os.environ.get("NOPI"):
-            return super().lanes(first, number)
+    def lanes(self, first: Range, number: Range) -> tuple[mi.UInt32, mi.UInt32, Group]:
+        """As for any film, but that one sample of all pixels follows another."""
         pixels = [np.flatnonzero(number > k) for k in range(int(number.max()))]
-        index = np.concatenate([first[p] + k for k, p in enumerate(pixels)]).astype(np.uint32)
-        return mi.UInt32(np.concatenate(pixels).astype(np.uint32)), mi.UInt32(index), None
+        index = np.concatenate([first[those] + k for k, those in enumerate(pixels)])
+        return mi.UInt32(np.concatenate(pixels).astype(np.uint32)), unsigned(index), None
 
     def put(
         self, lanes: Lanes, value: mi.Spectrum, alpha: mi.Bool | mi.Float, weight: mi.Float, most: int
     ) -> NDArray[np.float64]:
         """As for any film, but that a pixel's weight is that of its own samples, wherever these are."""
-        width = mi.UInt32(dr.opaque(mi.UInt32, self.width))
-        pixel = mi.UInt32(lanes.place.y) * width + mi.UInt32(lanes.place.x)
-        pixel = dr.minimum(pixel, self.pixels - 1)
+        width = dr.opaque(mi.UInt32, self.width)
+        pixel = dr.minimum(mi.UInt32(lanes.place.y) * width + mi.UInt32(lanes.place.x), self.pixels - 1)
         found = super().put(replace(lanes, pixel=pixel), value, alpha, weight, most * self.pixels)
-        own = np.bincount(lanes.pixel.numpy(), weight.numpy(), self.pixels).reshape(self.height, self.width)
-        if reach_of(self.film):
-            found[..., :-1] /= self._filtered[..., None]
-        found[..., -1] = own
+        found[..., :-1] /= self._reached[..., None]
+        own = np.bincount(lanes.pixel.numpy(), weight.numpy(), self.pixels)
+        found[..., -1] = own.reshape(self.height, self.width)
         return found
+
+    def _gathered(self, size: int) -> NDArray[np.float64]:
+        """∫ of the filter around each pixel of a side of the film, as far as that goes."""
+        reach = reach_of(self.film)
+        if reach == 0:
+            return np.ones(size)
+        offsets = (np.arange((2 * reach + 1) * _FINE) + 0.5) / _FINE - reach - 0.5
+        shares = np.asarray(self.film.rfilter().eval(mi.Float(offsets)), dtype=np.float64) / _FINE
+        total = np.zeros(size)
+        middle = np.arange(size) + 0.5
+        for offset, share in zip(offsets, shares, strict=True):
+            total += share * ((middle + offset >= 0) & (middle + offset < size))
+        return total
