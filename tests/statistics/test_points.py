@@ -128,3 +128,18 @@ def test_later_coordinates_are_stratified_and_uniform(dimension: int) -> None:
     values = sobol(mi.UInt32(6), dimension, seeds(1 << 16)).numpy()
     assert values.max() < 1
     assert stats.chisquare(np.histogram(values, 256, (0, 1))[0]).pvalue > sidak(DIMENSIONS)
+
+
+@pytest.mark.parametrize("bits", [1, 3, 6])
+def test_points_in_the_order_of_where_they_are(bits: int) -> None:
+    """Every block of 4^bits has one in each cell, and neighbours lie in cells that touch, for the most part."""
+    from stratalux.sampling.points import sobol_cells
+
+    order = sobol_cells(bits)
+    assert sorted(order) == list(range(4**bits))
+    for seed, block in ((1, 0), (77, 5)):
+        points = np.array(sobol_2d(mi.UInt32(order) + block * 4**bits, mi.UInt32(seed)))
+        cells = np.floor(points * 2**bits).astype(int)
+        assert len(set(zip(*cells, strict=True))) == 4**bits
+        steps = np.abs(np.diff(cells, axis=1)).max(axis=0)
+        assert (steps <= 1).mean() >= 0.6
