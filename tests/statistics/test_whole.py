@@ -149,15 +149,18 @@ def test_how_few_they_are(texels: Any, material: str, expected: str, monkeypatch
 
 @pytest.mark.parametrize(("texels", "planned"), [(None, True), (sun_map(), False)])
 def test_what_is_planned(texels: Any, planned: bool) -> None:
-    """A quarter of the camera samples is the pilot, where there are enough; never under a sun."""
+    """A quarter of the camera samples is the pilot, where there are enough; under a sun, where light paths find its
+    glints, and there are more of them."""
     from stratalux.integrators.environment import MapCache  # of the active variant
     from stratalux.integrators.indirect.whole import pilot_whole
     from stratalux.sampling.leaf_sampler import BrightLeafSampler
 
     light = MapCache(BrightLeafSampler).get(mi.load_dict(scene_dict("diffuse", texels)))
-    assert pilot_whole(light, 16, 1) == (16 if planned else 64)  # type: ignore[arg-type]
-    assert pilot_whole(light, 23, 1) == (16 if planned else 92)  # type: ignore[arg-type]
-    assert pilot_whole(light, 3, 1 << 30) == 12  # type: ignore[arg-type]
+    assert pilot_whole(light, 16, 1, False) == (16 if planned else 64)  # type: ignore[arg-type]
+    assert pilot_whole(light, 23, 1, True) == (16 if planned else 92)  # type: ignore[arg-type]
+    assert pilot_whole(light, 32, 1, True) == 32  # type: ignore[arg-type]
+    assert pilot_whole(light, 32, 1, False) == (32 if planned else 128)  # type: ignore[arg-type]
+    assert pilot_whole(light, 3, 1 << 30, True) == 12  # type: ignore[arg-type]
 
 
 def test_another_kind_of_map() -> None:

@@ -15,6 +15,9 @@ _CAMERAS = ("PerspectiveCamera", "ThinLensCamera")
 """Whose pixels are squares in front of a point, about."""
 _FLAT = 1e-3
 """Thickness over size of a shape, up to which it throws no more light on others than a mirror does on a wall."""
+_ALIKE = ("SmoothDiffuse", "RoughConductor", "SmoothConductor", "RoughPlastic", "SmoothPlastic")
+"""BSDFs that draw a direction either way round with densities that are alike but for a cosine, and are 0 in the same
+places: c is as good as 1 there, which spares a look-up for each ray."""
 
 
 class BothWays:
@@ -73,17 +76,8 @@ class BothWays:
 
     def arrays(self) -> tuple[Any, ...]:
         """What kernels read."""
-        return (
-            self._targets,
-            self._centre,
-            self._half,
-            self._areas,
-            self._distance,
-            self.pixels,
-            self._eye,
-            self._axis,
-            self._factor,
-        )
+        box = self._centre, self._half, self._areas, self._distance
+        return self._targets, box, self.pixels, self._eye, self._axis, self._factor
 
     def first(self, si: mi.SurfaceInteraction3f, d: mi.Vector3f, pdf: mi.Float) -> mi.Float:
         """κ at the first surface, where the way goes on towards ``d``, of that ``pdf``."""
@@ -149,12 +143,8 @@ def turned(si: mi.SurfaceInteraction3f, wi: mi.Vector3f) -> mi.SurfaceInteractio
     return other
 
 
-_ALIKE = ("SmoothDiffuse", "RoughConductor", "SmoothConductor", "RoughPlastic", "SmoothPlastic")
-
-
 def _alike(bsdf: mi.BSDF | None) -> bool:
-    """Whether it is known to draw a direction either way round with densities that are alike but for a cosine, and are
-    0 in the same places: then c is as good as 1, which spares a look-up for each ray."""
+    """Whether it is one of those, as it is or on both sides."""
     if bsdf is None:
         return False
     if bsdf.class_name() == "TwoSidedBRDF":

@@ -56,6 +56,8 @@ _FEWER, _MORE = 2, 2
 """Camera samples of direct light are so many times fewer than those asked for, and paths so many times more: with all
 their strata, samples of direct light cost as much and have much smaller errors. Paths that share what they find are
 better and dearer: of these, there are as many as samples of direct light."""
+_RARER = 4
+"""Light paths are so many times fewer than others."""
 _CONCENTRATED, _CONCENTRATED_FOR_FEW, _MANY = 20.0, 300.0, 8
 """Concentration of a map from which on light paths pay, with that many samples per pixel, and with fewer."""
 _PATHS_SEED, _LIGHT_SEED = 0x1B873593, 0xCC9E2D51
@@ -114,7 +116,9 @@ class PathStratified(Automatic):
     :class:`~.indirect.paths.Paths`, is an image of its own, with camera samples of its own, which is added: for each
     two samples per pixel, one of direct light and four paths. In closed rooms, paths of pixels that are near share what
     they find (:mod:`.indirect.sharing`): one such path for each sample of direct light. A few samples per pixel
-    estimate all of it in one (:mod:`.indirect.whole`). There are no derivatives.
+    estimate all of it in one (:mod:`.indirect.whole`). Where a map that is concentrated shines on things of gloss
+    alone, light paths share with all these (:mod:`.both_ways`): an image of its own (:mod:`.indirect.light_paths`).
+    There are no derivatives.
     """
 
     def __init__(self, props: mi.Properties) -> None:
@@ -165,14 +169,16 @@ class PathStratified(Automatic):
         parts = self._under_way = self._parts(scene, sensor, seed, spp, memory)
         passes = {name: part.passes(of_part(make, name)) for name, part in parts.items()}
         # What a sample of each one stands for
-        worth = {name: 1.0 if spp >= UNLIMITED else spp / part.spp for name, part in parts.items()}
+        worth = {name: spp / part.spp for name, part in parts.items()}
+        if spp >= UNLIMITED and "light" in parts:
+            worth["light"] = _RARER
         so_far: dict[str, tuple[Pixels, float, Noise]] = {}
         for name, those in passes.items():
             so_far[name] = next(those)
             if name == "direct":  # for those beside it
                 memory.setdefault("before", so_far[name][0])
         while True:
-            image, noise = reduce(added, (image for image, *_ in so_far.values())), None
+            image = reduce(added, (image for image, *_ in so_far.values()))
             done = {name: samples * worth[name] for name, (_, samples, _) in so_far.items()}
             noise = reduce(added_noise, (noise for *_, noise in so_far.values()))
             yield image, sum(done.values()) / len(done), noise
@@ -193,68 +199,75 @@ class PathStratified(Automatic):
         dim, other = DIM * light.mean, opaque_seed(mix(mi.UInt32(seed) ^ _PATHS_SEED))
         make = partial(SharingLauncher, Indirect(self, self._paths), self._paths)
         launcher = self._launcher("paths", light, scene, sensor, make)
-        enclosed = launcher.enclosed()
-        straight = launcher.seen[-1].straight
-        if not enclosed and not straight and (whole := self._whole(scene, sensor, spp, light)):
-            ways = self._ways(light, scene, sensor, spp, 1 / EACH)
-            whole.share(ways)
-            own, many = memory.setdefault("whole", {}), spp * EACH
-            view: View = View(whole, None, self._most(sensor, own, many))
-            pilot = pilot_whole(whole.seen[0], spp, view.pixels, ways is not None)
-            if even := pilot == many:
-                pilot = view.first(many)
-            parts = {"whole": TwoStages(view, pilot, many, opaque_seed(seed), dim, own, even=even)}
-            if ways is not None:
-                of_light = self._light_paths("few light paths", whole, FewRays)
-                parts["light"] = self._beside(of_light, ways, sensor, seed, spp, dim, memory)
-            return parts
-        own = memory.setdefault("paths", {})
-        if enclosed:
-            view = TiledView(launcher, self._most(sensor, own, spp))
+        if launcher.enclosed():
+            own = memory.setdefault("paths", {})
+            view: View = TiledView(launcher, self._most(sensor, own, spp))
             paths = TwoStages(view, view.first(spp), spp, other, dim, own, even=True)
             return {"direct": self._direct(light, scene, sensor, seed, spp, memory), "paths": paths}
+        straight = launcher.seen[-1].straight
+        if not straight and (whole := self._whole(scene, sensor, spp, light)):
+            return self._in_one(whole, light, seed, spp, memory)
+        own = memory.setdefault("paths", {})
         less, many = _shared_out(spp)
-        from_light = spp if spp >= UNLIMITED else max(1, spp // _FEWER)
-        ways = None if straight else self._ways(light, scene, sensor, spp, from_light / many)
-        launcher.share(ways)
+        limited = spp < UNLIMITED
+        from_light = max(1, spp // _FEWER) if limited else spp
+        ways = None if straight else self._ways(light, launcher, spp, from_light / many if limited else 1 / _RARER)
         view = View(launcher, None, self._most(sensor, own, less))
         pilot = pilot_paths(many, view.film.rfilter().is_box_filter())
         paths = TwoStages(view, pilot, many, other, dim, own, beside=lambda: memory["before"])
         parts = {"direct": self._direct(light, scene, sensor, seed, less, memory), "paths": paths}
         if ways is not None:
-            of_light = self._light_paths("light paths", launcher, VertexLight)
-            parts["light"] = self._beside(of_light, ways, sensor, seed, from_light, dim, memory)
+            parts["light"] = self._light_paths(
+                "light paths", launcher, VertexLight, ways, seed, from_light, dim, memory
+            )
+        return parts
+
+    def _in_one(
+        self, launcher: Launcher, light: AllocatedLight[Any], seed: int | mi.UInt32, spp: int, memory: Memory
+    ) -> dict[str, TwoStages]:
+        """The parts of a picture whose light is estimated in one."""
+        dim, many, own = DIM * light.mean, spp * EACH, memory.setdefault("whole", {})
+        ways = self._ways(light, launcher, spp, 1 / EACH)
+        view = View(launcher, None, self._most(launcher.sensor, own, many))
+        bright, *_ = launcher.seen
+        pilot = pilot_whole(bright, spp, view.pixels, ways is not None)
+        if even := pilot == many:
+            pilot = view.first(many)
+        parts = {"whole": TwoStages(view, pilot, many, opaque_seed(seed), dim, own, even=even)}
+        if ways is not None:
+            name = "few light paths, in the sun" if bright.tables.sunny else "few light paths"
+            parts["light"] = self._light_paths(name, launcher, FewRays, ways, seed, spp, dim, memory)
         return parts
 
     @staticmethod
-    def _ways(
-        light: AllocatedLight[Any], scene: mi.Scene, sensor: mi.Sensor, spp: int, share: float
-    ) -> BothWays | None:
-        """For so many light paths for each camera sample, where they pay."""
+    def _ways(light: AllocatedLight[Any], launcher: Launcher, spp: int, share: float) -> BothWays | None:
+        """How the camera samples of a ``launcher`` share with so many light paths for each, where these pay."""
         concentrated = _CONCENTRATED if spp >= _MANY else _CONCENTRATED_FOR_FEW
-        return BothWays.of(scene, sensor, share) if light.tables.concentration >= concentrated else None
+        pays = light.tables.concentration >= concentrated
+        ways = BothWays.of(launcher.scene, launcher.sensor, share) if pays else None
+        launcher.share(ways)
+        return ways
 
-    def _light_paths(self, name: str, beside: Launcher, arriving: Callable[..., VertexLight]) -> LightLauncher:
-        light, *_ = beside.seen
-        make = partial(LightLauncher, beside.integrator, self._paths, arriving)
-        return self._launcher(name, light, beside.scene, beside.sensor, make)
-
-    def _beside(
+    def _light_paths(
         self,
-        launcher: LightLauncher,
+        name: str,
+        beside: Launcher,
+        arriving: Callable[..., VertexLight],
         ways: BothWays,
-        sensor: mi.Sensor,
         seed: int | mi.UInt32,
-        spp: int,
+        count: int,
         dim: float,
         memory: Memory,
     ) -> TwoStages:
-        """One light path for each sample that is asked for."""
+        """The image of ``count`` light paths a pixel, which share with the samples of the launcher ``beside``."""
+        light, *_ = beside.seen
+        make = partial(LightLauncher, beside.integrator, self._paths, arriving)
+        launcher = self._launcher(name, light, beside.scene, beside.sensor, make)
         launcher.share(ways)
         own = memory.setdefault("light", {})
-        view = LightView(launcher, self._most(sensor, own, spp))
+        view = LightView(launcher, self._most(beside.sensor, own, count))
         other = opaque_seed(mix(mi.UInt32(seed) ^ _LIGHT_SEED))
-        return TwoStages(view, view.first(spp), spp, other, dim, own, even=True)
+        return TwoStages(view, view.first(count), count, other, dim, own, even=True)
 
     def _whole(self, scene: mi.Scene, sensor: mi.Sensor, spp: int, light: AllocatedLight[Any]) -> Launcher | None:
         """For so few samples that all of the light is best estimated in one; None if it is not."""
@@ -273,7 +286,8 @@ class PathStratified(Automatic):
         if not self._paths.any:
             return super()._pilots(sensor, spp)
         many = spp if spp >= UNLIMITED else spp * _FEWER * _MORE
-        return pilot_samples(spp), pilot_paths(many, sensor.film().rfilter().is_box_filter())
+        # Light paths have none.
+        return pilot_samples(spp), pilot_paths(many, sensor.film().rfilter().is_box_filter()), 0
 
     def to_string(self) -> str:
         return f"PathStratified[max_depth = {self._paths.max_depth}, rr_depth = {self._paths.rr_depth}]"

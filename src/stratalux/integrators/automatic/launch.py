@@ -159,7 +159,7 @@ class Launcher:
         return L * importance, points.difference * importance, alpha, place
 
     def share(self, ways: BothWays | None) -> None:
-        """What there is to find, with paths from the map."""
+        """Share what there is to find with paths from the map; None without such."""
         self.seen[-1].ways = ways
 
     @property

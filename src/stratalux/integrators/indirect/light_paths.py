@@ -153,7 +153,9 @@ class LightView(View):
 
     def __init__(self, launcher: Launcher, most: int = 1 << 40) -> None:
         super().__init__(launcher, None, most)
-        self._reached = self._gathered(self.height)[:, None] * self._gathered(self.width)
+        self._reach = reach_of(self.film)
+        if self._reach:
+            self._weights = self._gathered(self.height)[:, None] * self._gathered(self.width)
 
     def lanes(self, first: Range, number: Range) -> tuple[mi.UInt32, mi.UInt32, Group]:
         """As for any film, but that one sample of all pixels follows another."""
@@ -168,17 +170,15 @@ class LightView(View):
         width = dr.opaque(mi.UInt32, self.width)
         pixel = dr.minimum(mi.UInt32(lanes.place.y) * width + mi.UInt32(lanes.place.x), self.pixels - 1)
         found = super().put(replace(lanes, pixel=pixel), value, alpha, weight, most * self.pixels)
-        found[..., :-1] /= self._reached[..., None]
+        if self._reach:
+            found[..., :-1] /= self._weights[..., None]
         own = np.bincount(lanes.pixel.numpy(), weight.numpy(), self.pixels)
         found[..., -1] = own.reshape(self.height, self.width)
         return found
 
     def _gathered(self, size: int) -> NDArray[np.float64]:
         """∫ of the filter around each pixel of a side of the film, as far as that goes."""
-        reach = reach_of(self.film)
-        if reach == 0:
-            return np.ones(size)
-        offsets = (np.arange((2 * reach + 1) * _FINE) + 0.5) / _FINE - reach - 0.5
+        offsets = (np.arange((2 * self._reach + 1) * _FINE) + 0.5) / _FINE - self._reach - 0.5
         shares = np.asarray(self.film.rfilter().eval(mi.Float(offsets)), dtype=np.float64) / _FINE
         total = np.zeros(size)
         middle = np.arange(size) + 0.5
