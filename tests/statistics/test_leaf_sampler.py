@@ -140,3 +140,15 @@ def test_poles_have_no_density() -> None:
     x = LeafSampler(EnvironmentMap(hall_map()), 0).sample(mi.UInt32(0), mi.Point2f(0.5, [0.0, 1e-3]))
     assert x.pdf.numpy()[0] == 0 and 0 < x.pdf.numpy()[1] < np.inf
     np.testing.assert_allclose(x.d.numpy()[:, 0], [0, 1, 0], atol=1e-6)
+
+
+def test_how_concentrated_light_is() -> None:
+    """Mean square over squared mean: 1 where light is even, much more where all comes from a few texels."""
+    even = np.ones((64, 128, 3), dtype=np.float32)
+    assert LeafSampler(EnvironmentMap(even)).concentration == pytest.approx(1, rel=0.02)
+    lamp = np.full_like(even, 1e-6)
+    lamp[24:40, 32:64] = 1
+    texels, θ = np.square(lamp[..., 0]), np.pi * np.arange(64) / 63
+    weights = np.sin(θ)[:, None] * np.ones(128) / (128 * np.sin(θ).sum())
+    expected = (texels * weights).sum() / (lamp[..., 0] * weights).sum() ** 2
+    assert LeafSampler(EnvironmentMap(lamp)).concentration == pytest.approx(expected, rel=0.1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache, partial
+from itertools import islice
 from typing import Any
 
 import mitsuba as mi
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from stratalux.integrators.sums import UNLIMITED
 from tests.helpers import assert_same_mean, lamp, runs, scene_dict
 from tests.variants import MONO
 
@@ -159,6 +161,22 @@ def test_they_make_less_noise(kind: str, monkeypatch: pytest.MonkeyPatch) -> Non
         found[concentrated] = (images.var(axis=0) / images.mean(axis=0) ** 2).mean()
         assert (_has_light_paths(integrator)) == (concentrated < 1e9)
     assert found[20.0] < 0.6 * found[1e9]
+
+
+def test_as_many_as_there_is_time_for(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nobody says how many samples there will be, all parts go on side by side."""
+    if kind == "in one":
+        pytest.skip("few samples are a known number")
+    monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", 18 * 12 * 16)
+    scene, images = mi.load_dict(metal()), []
+    integrator = mi.load_dict({"type": "path_stratified", "max_depth": 3})
+    for seed in range(RUNS):
+        passes = integrator.passes(scene, scene.sensors()[0], seed, UNLIMITED)
+        *_, (raw, _, _) = islice(passes, 40)
+        images.append(raw[..., :3] / raw[..., -1:])
+    done = {name.partition("/")[0]: samples for name, (samples, _) in integrator.work.items()}
+    assert 0 < done["light"] < done["paths"]
+    assert_same_mean(np.stack(images).astype(np.float64), reference(mi.variant(), "metal", 3))
 
 
 def plain(material: str) -> dict[str, Any]:
