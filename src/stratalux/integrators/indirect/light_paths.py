@@ -33,13 +33,13 @@ _FINE = 256
 class LightLauncher(Launcher):
     r"""Takes light paths, one in the place of each camera sample, which land wherever they do.
 
-    Such a path begins on the box around what has gloss, as the map shines there, goes on where the BSDFs lead, and each
-    of its surfaces but the first may be x_1 of a path to the camera, as :class:`~..both_ways.BothWays` has it: it
-    brings
+    Such a path begins on the box around what has gloss, as the map shines there, and goes on where the BSDFs lead. Each
+    of its surfaces but the first may be the x_1 of a path to the camera, as :class:`~..both_ways.BothWays` has it:
 
-        q / (q + M p̃ + p_b) L(ω) / p(ω) A(ω) Π_{i=n}^{2} (f_i |cos θ_i cos θ'_i|) / (p'_i |cos θ_i|) f_1 W
+        q / (q + M p̃ + p_b) A(ω) L(ω) / p(ω) Π_{i=2}^{n} (f_i |cos θ'_i| / p'_i) f_1 |cos θ'_1| W,
 
-    with A(ω) of the box, the BSDFs f as a path from the camera has them, and what the pixel makes of it, W. Of these
+    with the BSDFs f as a path from the camera has them, and the weight W of the camera. Where shading normals are not
+    those of the surface, f_i has the ratio of both cosines of θ_i, too (Veach 1997, section 5.3). Of all these
     surfaces, one stands for all: a :class:`~..automatic.nested_strata.Survivor`. ``arriving``: what makes the light at
     vertices of paths from the camera.
     """
