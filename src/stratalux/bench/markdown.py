@@ -11,16 +11,18 @@ from .records import CaseResult
 from .results import BenchResult
 
 _METHOD = """\
-The figure is the **speed-up at equal error**: the seconds that the best of Mitsuba's `direct` needs to reach our
+The figure is the **speed-up at equal error**: the seconds that the best of Mitsuba's `{theirs}` needs to reach our
 error, over the seconds that we took. Ours is `{technique}` with its defaults; only the samples per pixel are chosen.
-In each case all of Mitsuba's samplers, five splits of emitter and BSDF samples, and the map's `mis_compensation`
+In each case all of Mitsuba's samplers{splits} and the map's `mis_compensation`
 where it is unbiased are screened at a low budget and the best of them at a higher one; the finalists' curves are
 measured at three budgets or more, and their lower envelope is what counts. Both sides are rendered in turn after a
 warm-up; times are medians of the seeds, without compilation and preparation. Between budgets, curves are interpolated
 in log-log. The error is the relative MSE in linear RGB over the pixels that are all surface, with a box filter and
-the map scaled so that their mean is 0.2. It is taken against Mitsuba's `direct` 1+1 with many times the samples and
+the map scaled so that their mean is 0.2. It is taken against Mitsuba's `{theirs}` with many times the samples and
 other seeds; the noise of that reference is subtracted.
 """
+
+_SPLITS = {"direct": ", five splits of emitter and BSDF samples,", "path": ""}
 
 _PEERS = """\
 In the same scene, with the same camera, box filter and map, {width}x{height} pixels, {light}: the
@@ -45,7 +47,7 @@ def markdown(result: BenchResult) -> str:
         "# Benchmarks",
         f"`stratalux bench --suite {about['suite']}`, {about['date'][:10]}, on {about['machine']}, variant "
         f"`{about['variant']}`; {versions}.",
-        _METHOD.format(technique=result.ours.technique).strip(),
+        _METHOD.format(technique=result.ours.technique, theirs=result.theirs, splits=_SPLITS[result.theirs]).strip(),
         "![Speed-up of every case, and curves](bench.svg)",
         "## Summary",
         _summary(result),

@@ -108,7 +108,7 @@ def _bars(axes: Any, result: BenchResult) -> None:
     axes.set_axisbelow(True)
     axes.set_ylabel("speed-up at equal error")
     if summary is not None:
-        text = f"Against the best of Mitsuba's direct: {summary['ratio']:.2f} in the geometric mean"
+        text = f"Against the best of Mitsuba's {result.theirs}: {summary['ratio']:.2f} in the geometric mean"
         axes.set_title(f"{text}, at worst {summary['worst']['ratio']:.2f}", loc="left", fontsize=10)
 
 

@@ -77,6 +77,11 @@ class BenchResult:
     ours: Configuration = OURS
     peers: tuple[PeersResult, ...] = ()
 
+    @property
+    def theirs(self) -> str:
+        """Mitsuba's integrator that ours is measured against."""
+        return "direct" if self.ours == OURS else "path"
+
     @cached_property
     def ratios(self) -> dict[str, dict[str, float]]:
         """Speed-up at equal error, of each case in the region that it is there for."""
