@@ -112,13 +112,13 @@ def _has_light_paths(integrator: mi.Integrator) -> bool:
 CASES = [
     ("metal", 3, ()),
     ("metal", 8, SLOW),
-    ("metal", -1, ()),
+    ("metal", -1, SLOW),
     ("bumpy", 8, ()),
     ("rough glass", 8, SLOW),
     ("layered", 4, SLOW),
     ("lens", 3, SLOW),
     ("filtered", 3, ()),
-    ("mixed", 8, ()),
+    ("mixed", 8, SLOW),
 ]
 
 
@@ -130,12 +130,14 @@ def test_same_mean_as_path(kind: str, name: str, depth: int) -> None:
     assert_same_mean(ours, reference(mi.variant(), name, depth))
 
 
+@SLOW
 def test_in_several_launches(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stratalux.integrators.automatic.view.LAUNCH", 18 * 12 * 9)
     ours = runs(mi.load_dict(metal()), {"type": "path_stratified", "max_depth": 3}, 64, RUNS, 0)
     assert_same_mean(ours, reference(mi.variant(), "metal", 3))
 
 
+@SLOW
 def test_paths_that_end_at_random(kind: str) -> None:
     ours = runs(mi.load_dict(metal()), {"type": "path_stratified", "rr_depth": 1}, 128, RUNS, 0)
     assert_same_mean(ours, reference(mi.variant(), "metal", -1))
@@ -163,6 +165,7 @@ def test_they_make_less_noise(kind: str, monkeypatch: pytest.MonkeyPatch) -> Non
     assert found[20.0] < 0.6 * found[1e9]
 
 
+@SLOW
 def test_as_many_as_there_is_time_for(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where nobody says how many samples there will be, all parts go on side by side."""
     if kind == "in one":

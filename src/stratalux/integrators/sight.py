@@ -46,8 +46,8 @@ class Sight:
 
     def arrays(self) -> tuple[Any, ...]:
         """What kernels read besides the scene's own."""
-        catcher = self.catcher.arrays() if self.catcher is not None else ()
-        return self.parts(), catcher, self.ways.arrays() if self.ways is not None else ()
+        found = self.parts(), self.catcher.arrays() if self.catcher is not None else ()
+        return found if self.ways is None else (*found, self.ways.arrays())
 
 
 def _backdrop(scene: mi.Scene, background: Background, sensor: mi.Sensor | None) -> Light | Nothing | Plate | None:
