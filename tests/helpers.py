@@ -136,6 +136,16 @@ def runs(scene: mi.Scene, integrator: dict[str, Any] | mi.Integrator, spp: int, 
     return np.stack(images).astype(np.float64)
 
 
+def set_few(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
+    """Up to so many samples per pixel, the whole light is estimated in one, whatever is there; none are shared."""
+    for name in ("FEW", "FEW_MATTE", "FEW_DETAILED", "FEW_IN_THE_SUN"):
+        monkeypatch.setattr(f"stratalux.integrators.indirect.whole.{name}", most)
+    if most == 0:
+        monkeypatch.setattr("stratalux.integrators.indirect.whole.FEW_IN_MANY", 0)
+    monkeypatch.setattr("stratalux.integrators.path_stratified.FEW_IN_THE_SUN", most)
+    monkeypatch.setattr("stratalux.integrators.indirect.sharing.ENCLOSED", 2)
+
+
 def lamp() -> dict[str, Any]:
     """An area light above the scene of :func:`scene_dict`."""
     return {

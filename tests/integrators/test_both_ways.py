@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from stratalux.integrators.kinds import made_of
 from tests.helpers import MATERIALS, scene_dict, sidak
 
 SIDES = np.array([1.0, 3.0, 0.5])
@@ -84,7 +85,7 @@ def test_what_is_drawn_one_way_is_drawn_the_other_way(name: str) -> None:
 
     described = {"type": "twosided", "of": MATERIALS["roughconductor"]} if name == "two-sided" else MATERIALS[name]
     bsdf = mi.load_dict(described)
-    assert both_ways._alike(bsdf)
+    assert made_of(bsdf, both_ways.ALIKE)
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(1, 1 << 14)
     si = dr.zeros(mi.SurfaceInteraction3f, 1 << 14)
@@ -101,12 +102,10 @@ def test_what_is_drawn_one_way_is_drawn_the_other_way(name: str) -> None:
 def test_what_is_not_known_is_looked_up() -> None:
     from stratalux.integrators import both_ways  # of the active variant
 
-    for described in ({"type": "principled"}, {"type": "bumpmap", "of": MATERIALS["roughconductor"], "texture": {}}):
-        described = {**described}
-        if "texture" in described:
-            described["texture"] = {"type": "checkerboard"}
-        assert not both_ways._alike(mi.load_dict(described))
-    assert not both_ways._alike(None)
+    bumpy = {"type": "bumpmap", "of": MATERIALS["roughconductor"], "texture": {"type": "checkerboard"}}
+    for described in ({"type": "principled"}, bumpy):
+        assert not made_of(mi.load_dict(described), both_ways.ALIKE)
+    assert not made_of(None, both_ways.ALIKE)
 
 
 def test_the_area_that_a_pixel_sees() -> None:

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from stratalux.integrators.sums import UNLIMITED
-from tests.helpers import assert_same_mean, lamp, runs, scene_dict
+from tests.helpers import assert_same_mean, lamp, runs, scene_dict, set_few
 from tests.variants import MONO
 
 RUNS = 32
@@ -98,10 +98,7 @@ def reference(variant: str, name: str, depth: int) -> NDArray[Any]:
 @pytest.fixture(params=["in one", "apart"])
 def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     few = 1 << 30 if request.param == "in one" else 0
-    for name in ("FEW", "FEW_MATTE", "FEW_DETAILED", "FEW_IN_THE_SUN", "FEW_IN_MANY"):
-        monkeypatch.setattr(f"stratalux.integrators.indirect.whole.{name}", few)
-    monkeypatch.setattr("stratalux.integrators.path_stratified.FEW_IN_THE_SUN", few)
-    monkeypatch.setattr("stratalux.integrators.indirect.sharing.ENCLOSED", 2)
+    set_few(monkeypatch, few)
     return str(request.param)
 
 
@@ -161,7 +158,7 @@ def test_they_make_less_noise(kind: str, monkeypatch: pytest.MonkeyPatch) -> Non
         integrator = mi.load_dict({"type": "path_stratified", "max_depth": 4})
         images = runs(scene, integrator, 16, 24, 0)
         found[concentrated] = (images.var(axis=0) / images.mean(axis=0) ** 2).mean()
-        assert (_has_light_paths(integrator)) == (concentrated < 1e9)
+        assert _has_light_paths(integrator) == (concentrated < 1e9)
     assert found[20.0] < 0.6 * found[1e9]
 
 
@@ -219,4 +216,4 @@ def masked() -> dict[str, Any]:
 def test_where_they_are_used(described: Callable[[], dict[str, Any]], used: bool) -> None:
     integrator = mi.load_dict({"type": "path_stratified"})
     mi.render(mi.load_dict(described()), integrator=integrator, spp=8)
-    assert (_has_light_paths(integrator)) == used
+    assert _has_light_paths(integrator) == used

@@ -8,7 +8,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from tests.helpers import assert_same_mean, runs, scene_dict, sun_map
+from tests.helpers import assert_same_mean, runs, scene_dict, set_few, sun_map
 from tests.statistics.test_path import EVEN, MORE, SCENES, SLOW, furnace, glass, reference
 from tests.variants import MONO
 
@@ -21,11 +21,8 @@ SPOTS = (
 
 @pytest.fixture(autouse=True)
 def _always(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("FEW", "FEW_MATTE", "FEW_DETAILED", "FEW_IN_THE_SUN"):
-        monkeypatch.setattr(f"stratalux.integrators.indirect.whole.{name}", 1 << 30)
+    set_few(monkeypatch, 1 << 30)
     monkeypatch.setattr("stratalux.integrators.indirect.whole.PLANNED", 0)
-    monkeypatch.setattr("stratalux.integrators.path_stratified.FEW_IN_THE_SUN", 1 << 30)
-    monkeypatch.setattr("stratalux.integrators.indirect.sharing.ENCLOSED", 2)
 
 
 def render(name: str, spp: int, **properties: Any) -> Any:

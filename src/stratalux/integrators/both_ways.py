@@ -10,12 +10,13 @@ import mitsuba as mi
 import numpy as np
 
 from .identities import by_identity, told
+from .kinds import made_of
 
 _CAMERAS = ("PerspectiveCamera", "ThinLensCamera")
 """Whose pixels are squares in front of a point, about."""
 _FLAT = 1e-3
 """Thickness over size of a shape, up to which it throws no more light on others than a mirror does on a wall."""
-_ALIKE = ("SmoothDiffuse", "RoughConductor", "SmoothConductor", "RoughPlastic", "SmoothPlastic")
+ALIKE = ("SmoothDiffuse", "RoughConductor", "SmoothConductor", "RoughPlastic", "SmoothPlastic")
 """BSDFs that draw a direction either way round with densities that are alike but for a cosine, and are 0 in the same
 places: c is as good as 1 there, which spares a look-up for each ray."""
 
@@ -61,7 +62,7 @@ class BothWays:
         targeted = {shape.ptr for shape in targets}
         flags = mi.UInt32([int(shape.ptr in targeted) for shape in scene.shapes()])
         self._targets = by_identity(scene.shapes_dr(), flags, 0)
-        self._alike = all(_alike(shape.bsdf()) for shape in scene.shapes())
+        self._alike = all(made_of(shape.bsdf(), ALIKE) for shape in scene.shapes())
         self._eye, self._axis = mi.Point3f(to_world[:3, 3]), mi.Vector3f(to_world[:3, 2])
         self._factor = mi.Float(share * width * height / focal**2)
         dr.make_opaque(self._centre, self._half, self._areas, self._eye, self._axis, self._factor)
@@ -116,7 +117,7 @@ class BothWays:
 
     def targeted(self, shape: mi.ShapePtr, active: mi.Bool) -> mi.Bool:
         """Whether light paths begin on that ``shape``."""
-        return active & (told(self._targets, shape, 0, active) != 0)
+        return told(self._targets, shape, 0, active) != 0
 
     def ray(self, d: mi.Vector3f, u: mi.Point2f) -> mi.Ray3f:
         """A ray of light from the direction ``d`` that meets the box at a uniform place of what ``d`` sees of it."""
@@ -141,16 +142,6 @@ def turned(si: mi.SurfaceInteraction3f, wi: mi.Vector3f) -> mi.SurfaceInteractio
     other = mi.SurfaceInteraction3f(si)
     other.wi = mi.Vector3f(wi)
     return other
-
-
-def _alike(bsdf: mi.BSDF | None) -> bool:
-    """Whether it is one of those, as it is or on both sides."""
-    if bsdf is None:
-        return False
-    if bsdf.class_name() == "TwoSidedBRDF":
-        sides = [line for line in str(bsdf).splitlines() if line.startswith("  brdf[")]
-        return bool(sides) and all(side.partition(" = ")[2].partition("[")[0] in _ALIKE for side in sides)
-    return bsdf.class_name() in _ALIKE
 
 
 def _focuses(shape: mi.Shape) -> bool:

@@ -8,6 +8,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from stratalux.integrators.kinds import made_of
 from tests.helpers import scene_dict
 from tests.variants import RGB
 
@@ -28,9 +29,9 @@ WHITE = {"type": "diffuse", "reflectance": 0.8}
     ],
 )
 def test_what_is_matte(bsdf: dict[str, Any], matte: bool) -> None:
-    from stratalux.integrators.indirect.sharing import _matte  # of the active variant
+    from stratalux.integrators.indirect.sharing import MATTE  # of the active variant
 
-    assert _matte(mi.load_dict(bsdf)) is matte
+    assert made_of(mi.load_dict(bsdf), MATTE) is matte
 
 
 def launcher(description: dict[str, Any]) -> Any:

@@ -71,8 +71,7 @@ class LightLauncher(Launcher):
         light, others, sight = self.seen
         ways, ctx = sight.ways, mi.BSDFContext()
         assert ways is not None
-        most = dr.opaque(mi.UInt32, self._paths.max_depth - 1 if self._paths.max_depth > 0 else 0xFFFFFFFF)
-        roulette = dr.opaque(mi.UInt32, self._paths.rr_depth)
+        most, roulette = self._paths.limits()
         index, seed = self._points(launch, ways.pixels)
         samples = FreshLight(light, seed) if launch.shared is None else SharedLight(launch.shared)
         arriving = self._arriving(scene, scene, others, light, samples, ways)
@@ -140,10 +139,10 @@ class LightLauncher(Launcher):
     def _points(self, launch: Launch, pixels: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
         """The number of each light path in one sequence of the whole picture, and a seed, which is another one where
         the numbers begin again."""
-        turn = 0xFFFFF000 // pixels
+        cells = 1 << 2 * _BITS
+        turn = ((1 << 32) - cells) // pixels
         turns = launch.index // turn
         index = (launch.index - turns * turn) * pixels + launch.pixel
-        cells = 1 << 2 * _BITS
         index = (index & ~mi.UInt32(cells - 1)) | dr.gather(mi.UInt32, self._order, index & (cells - 1))
         return index, mix(mix(launch.seed ^ _SEED) + turns)
 
@@ -180,8 +179,8 @@ class LightView(View):
         """∫ of the filter around each pixel of a side of the film, as far as that goes."""
         offsets = (np.arange((2 * self._reach + 1) * _FINE) + 0.5) / _FINE - self._reach - 0.5
         shares = np.asarray(self.film.rfilter().eval(mi.Float(offsets)), dtype=np.float64) / _FINE
-        total = np.zeros(size)
+        until = np.concatenate([[0.0], np.cumsum(shares)])
         middle = np.arange(size) + 0.5
-        for offset, share in zip(offsets, shares, strict=True):
-            total += share * ((middle + offset >= 0) & (middle + offset < size))
-        return total
+        first, last = (np.searchsorted(offsets, edge - middle) for edge in (0, size))
+        found: NDArray[np.float64] = until[last] - until[first]
+        return found

@@ -98,6 +98,11 @@ class Paths:
         """Whether there is anything beyond direct light."""
         return self.max_depth < 0 or self.max_depth > 2
 
+    def limits(self) -> tuple[mi.UInt32, mi.UInt32]:
+        """Surfaces of a path, at most, and those from which on it ends at random, for kernels."""
+        most = self.max_depth - 1 if self.max_depth > 0 else 0xFFFFFFFF
+        return dr.opaque(mi.UInt32, most), dr.opaque(mi.UInt32, self.rr_depth)
+
     @dr.syntax
     def begin(
         self, scene: mi.Scene, sight: Sight, index: mi.UInt32, seed: mi.UInt32, ray: mi.Ray3f, active: mi.Bool
@@ -137,8 +142,7 @@ class Paths:
         self, scene: mi.Scene, light: VertexLight, sight: Sight, index: mi.UInt32, seed: mi.UInt32, way: Way
     ) -> mi.Spectrum:
         """What each ``way`` brings on and after its second vertex."""
-        most = dr.opaque(mi.UInt32, self.max_depth - 1 if self.max_depth > 0 else 0xFFFFFFFF)
-        roulette = dr.opaque(mi.UInt32, self.rr_depth)
+        most, roulette = self.limits()
         seed = mix(seed ^ _VERTICES)
 
         L, β, η, ray = mi.Spectrum(0), mi.Spectrum(way.β), mi.Float(way.η), mi.Ray3f(way.ray)
@@ -195,8 +199,7 @@ class Paths:
     ) -> tuple[mi.Spectrum, mi.Bool]:
         """All that arrives along camera rays, where nothing lets light go straight on: Σ_{k=0}^{D−1}, with what can be
         seen for k = 0 and one sample of the BSDF of each surface for the map and for the way on; and alpha."""
-        most = dr.opaque(mi.UInt32, self.max_depth - 1 if self.max_depth > 0 else 0xFFFFFFFF)
-        roulette = dr.opaque(mi.UInt32, self.rr_depth)
+        most, roulette = self.limits()
         seed = mix(seed ^ _VERTICES)
 
         L, β, η = mi.Spectrum(0), mi.Spectrum(1), mi.Float(1)

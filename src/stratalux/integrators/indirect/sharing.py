@@ -11,6 +11,7 @@ import numpy as np
 
 from ..automatic.launch import Estimator, Launch, camera_samples
 from ..identities import by_identity, told
+from ..kinds import made_of
 from .launch import PathLauncher
 from .paths import Paths, Way
 from .tiles import TILE
@@ -20,6 +21,8 @@ ENCLOSED = 0.6
 paths that follow the errors do better."""
 _TESTS = 1024
 _TEST_SEED = 0x2545F491
+MATTE = ("SmoothDiffuse",)
+"""What reflects light alike in all directions."""
 _RECORD = 4
 """Vectors of four numbers that a second vertex takes: place, geometric and shading normal, light."""
 
@@ -45,7 +48,7 @@ class SharingLauncher(PathLauncher):
         self._tested: Callable[..., Any] = self._test
         self.record(self._second, self._connect, self._tested)
         shapes = scene.shapes_dr()
-        matte = [int(_matte(shape.bsdf())) for shape in scene.shapes()]
+        matte = [int(made_of(shape.bsdf(), MATTE)) for shape in scene.shapes()]
         self._any_matte = any(matte)
         self._matte = by_identity(shapes, mi.UInt32(matte), 0) if matte else mi.UInt32(0)
 
@@ -105,8 +108,7 @@ class SharingLauncher(PathLauncher):
         return dr.select(self._shares(way, si, way.alive), 2, dr.select(way.met > 0, mi.UInt32(1), 0))
 
     def _shares(self, way: Way, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
-        active = active & ~way.delta
-        return active & (told(self._matte, si.shape, 0, active) != 0)
+        return told(self._matte, si.shape, 0, active & ~way.delta) != 0
 
     def _second_vertices(
         self,
@@ -199,13 +201,3 @@ def _collected(first: mi.UInt32, last: mi.UInt32, found: mi.Float, pairs: mi.Flo
         L += dr.select(pair.w > 0, pair * dr.gather(mi.Vector4f, found, _RECORD * j + 3), 0)
         j += 1
     return mi.Spectrum(*[L[c] for c in range(dr.size_v(mi.Spectrum))])
-
-
-def _matte(bsdf: mi.BSDF | None) -> bool:
-    """Whether it reflects light alike in all directions: one that is `diffuse`, as it is or on both sides."""
-    if bsdf is None:
-        return False
-    if bsdf.class_name() == "TwoSidedBRDF":
-        sides = [line for line in str(bsdf).splitlines() if line.startswith("  brdf[")]
-        return bool(sides) and all(side.partition(" = ")[2].startswith("SmoothDiffuse[") for side in sides)
-    return bool(bsdf.class_name() == "SmoothDiffuse")
